@@ -147,7 +147,7 @@ class Dispatcher:
             parameters=self._parameters,
             metadata=metadata,
         )
-        manual = ManualInput(system_id, topics.manual_control_setpoint)
+        self._manual = ManualInput(system_id, topics)
         setpoints = SetpointInput(system_id, topics, texts)
         gimbal = GimbalInput(system_id, topics.payload_order)
         self._handlers: Mapping[str, Handler] = {
@@ -156,13 +156,13 @@ class Dispatcher:
             **dict.fromkeys(setpoints.message_types, setpoints.handle),
             **dict.fromkeys(self._files.message_types, self._files.handle),
             "LOGGING_ACK": self._log_stream.acknowledged,
-            "MANUAL_CONTROL": manual.handle,
+            "MANUAL_CONTROL": self._manual.handle,
             **dict.fromkeys(gimbal.message_types, gimbal.handle),
             "FOLLOW_TARGET": FollowInput(topics.follow_target).handle,
             "COMMAND_LONG": self._command,
             "COMMAND_INT": self._command,
             "COMMAND_CANCEL": self._cancel,
-            "SET_MODE": self._commands.set_mode,
+            "SET_MODE": self._set_mode,
             "MISSION_SET_CURRENT": self._set_current,
             "SET_GPS_GLOBAL_ORIGIN": self._set_origin,
             "PARAM_REQUEST_LIST": self._parameters.handle,
@@ -211,8 +211,16 @@ class Dispatcher:
 
     def _command(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """Pass a command to the component that answers it."""
+        orders_mode = message.command == mavlink.MAV_CMD_DO_SET_MODE
+        if orders_mode and is_for_us(message, self._system_id):
+            self._manual.order_mode(sender, now_us)
         server = self._camera if self._camera.is_for_camera(message) else self._commands
         return server.handle(message, sender, now_us)
+
+    def _set_mode(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        if message.target_system == self._system_id:
+            self._manual.order_mode(sender, now_us)
+        return self._commands.set_mode(message, sender, now_us)
 
     def _cancel(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """Cancel a command of either component."""

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.lib.rotation import normalise, to_euler
 from uav_firmware.modules.mavlink.wire.addressing import (
+    STREAM_TIMEOUT_US,
     Outgoing,
     Sender,
     StreamSender,
@@ -24,10 +25,13 @@ from uav_firmware.modules.mavlink.wire.dialect import Message
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 from uav_firmware.msg.guidance import FollowTarget
 from uav_firmware.msg.payload import Controller, GimbalFlags, GimbalOrder, PayloadOrder
+from uav_firmware.msg.status import Severity, StatusText
 from uav_firmware.msg.vectors import Vector3
+from uav_firmware.topics import Topics
 
 INVALID_AXIS: Final = 0x7FFF
 """Value of an axis that does not exist."""
+_CENTRED: Final = 0.1  # [-] Sticks do not rest exactly in their centre; MPC_HOLD_DZ by default
 _HAS_POSITION: Final = 1
 _HAS_VELOCITY: Final = 2
 _FASTEST_M_S: Final = 100.0
@@ -45,23 +49,63 @@ def sticks_of(message: Message, now_us: int) -> ManualControlSetpoint | None:
     return ManualControlSetpoint(now_us, forward, right, 2.0 * max(up, 0.0) - 1.0, yaw)
 
 
-class ManualInput:
-    """Accepts MANUAL_CONTROL from one sender at a time."""
+def are_centred(sticks: ManualControlSetpoint) -> bool:
+    """Whether all four sticks are in their centre, within a dead zone."""
+    axes = (sticks.forward, sticks.right, sticks.up, sticks.yaw)
+    return max(map(abs, axes)) <= _CENTRED
 
-    def __init__(self, system_id: int, topic: Topic[ManualControlSetpoint]) -> None:
+
+class ManualInput:
+    """Accepts MANUAL_CONTROL from one sender at a time.
+
+    In the air another sender than so far is accepted with centred sticks, or when it has ordered a
+    mode: its pilot may not know that he begins to steer. Each change of sender is reported.
+    """
+
+    def __init__(self, system_id: int, topics: Topics) -> None:
         self._system_id = system_id
-        self._topic = topic
+        self._topics = topics
         self._stream = StreamSender()
+        self._waiting: tuple[Sender, ManualControlSetpoint] | None = None  # Not centred
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """Publish the sticks if they are for this vehicle."""
         if message.target != self._system_id or not self._stream.admits(sender, now_us):
             return []
         sticks = sticks_of(message, now_us)
-        if sticks is not None:
-            self._stream.accept(sender, now_us)
-            self._topic.publish(sticks)
+        if sticks is None:
+            return []
+        if self._stream.is_other(sender) and self._in_the_air and not are_centred(sticks):
+            if self._waiting is None or self._waiting[0].identity != sender.identity:
+                self._report(now_us, f"Sticks of system {sender.system} not used: centre them")
+            self._waiting = (sender, sticks)
+        else:
+            self._accept(sender, sticks, now_us)
         return []
+
+    def order_mode(self, sender: Sender, now_us: int) -> None:
+        """Accept sticks that are not centred: their pilot has ordered a mode."""
+        if self._waiting is None or self._waiting[0].identity != sender.identity:
+            return
+        sticks = self._waiting[1]
+        streams = now_us - sticks.time_us <= STREAM_TIMEOUT_US
+        if streams and self._stream.admits(sender, now_us):
+            self._accept(sender, sticks, now_us)
+
+    @property
+    def _in_the_air(self) -> bool:
+        land = self._topics.land_detected.value
+        return land is not None and not land.landed
+
+    def _accept(self, sender: Sender, sticks: ManualControlSetpoint, now_us: int) -> None:
+        if self._stream.is_other(sender):
+            self._report(now_us, f"Manual control by system {sender.system} from now on")
+        self._waiting = None
+        self._stream.accept(sender, now_us)
+        self._topics.manual_control_setpoint.publish(sticks)
+
+    def _report(self, now_us: int, text: str) -> None:
+        self._topics.status_text.publish(StatusText(now_us, Severity.WARNING, text))
 
 
 def target_of(message: Message, system_id: int, now_us: int) -> FollowTarget | None:

@@ -41,8 +41,11 @@ class StreamSender:
 
     def admits(self, sender: Sender, now_us: int) -> bool:
         """Whether a message of a sender may be followed now."""
-        is_current = self._identity in {None, sender.identity}
-        return is_current or now_us - self._received_us > STREAM_TIMEOUT_US
+        return not self.is_other(sender) or now_us - self._received_us > STREAM_TIMEOUT_US
+
+    def is_other(self, sender: Sender) -> bool:
+        """Whether another sender has been followed so far."""
+        return self._identity not in {None, sender.identity}
 
     def accept(self, sender: Sender, now_us: int) -> None:
         """Follow the sender of an accepted message."""

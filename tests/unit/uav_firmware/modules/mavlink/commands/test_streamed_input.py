@@ -66,18 +66,97 @@ def test_sticks_for_another_vehicle_are_ignored() -> None:
     assert sticks(harness) is None
 
 
-def test_another_sender_of_sticks_is_accepted_after_a_timeout() -> None:
+FULL, CENTRED = (-1000, 0, 500, 0), (0, 50, 540, 0)
+SECOND = "Manual control by system 254 from now on"
+CENTRE = "Sticks of system 254 not used: centre them"
+
+
+def first_falls_silent(*, landed: bool = False) -> MavlinkHarness:
+    """System 255 has flown by full deflection, and another sender has waited all the time."""
     harness = MavlinkHarness()
+    land = harness.topics.land_detected
+    assert land.value is not None
+    land.publish(land.value._replace(landed=landed))
     send(harness, 1000, 0, 500, 0, system=255)
-    send(harness, -1000, 0, 500, 0, system=254)
-    first = sticks(harness)
-    assert first is not None
-    assert first.forward == 1.0
+    send(harness, *FULL, system=254)
+    assert forward(harness) == 1.0
     harness.run(1_100_000)
-    send(harness, -1000, 0, 500, 0, system=254)
-    second = sticks(harness)
-    assert second is not None
-    assert second.forward == -1.0
+    return harness
+
+
+def forward(harness: MavlinkHarness) -> float:
+    received = sticks(harness)
+    assert received is not None
+    return received.forward
+
+
+def texts(harness: MavlinkHarness) -> list[str]:
+    return [message.text for message in harness.received("STATUSTEXT")]
+
+
+def test_in_the_air_another_sender_of_sticks_is_accepted_once_they_are_centred() -> None:
+    harness = first_falls_silent()
+    for _ in range(5):
+        send(harness, *FULL, system=254)
+    assert forward(harness) == 1.0
+    send(harness, *CENTRED, system=254)
+    assert forward(harness) == 0.0
+    send(harness, *FULL, system=254)
+    assert forward(harness) == -1.0
+    harness.run()
+    assert texts(harness) == [CENTRE, SECOND]
+
+
+@pytest.mark.parametrize("axis", range(4))
+def test_every_stick_has_to_be_centred_the_throttle_too(axis: int) -> None:
+    harness = first_falls_silent()
+    axes = list(CENTRED)
+    axes[axis] += 200
+    send(harness, *(axes[0], axes[1], axes[2], axes[3]), system=254)
+    assert forward(harness) == 1.0
+
+
+@pytest.mark.parametrize("legacy", [False, True], ids=["DO_SET_MODE", "SET_MODE"])
+@pytest.mark.parametrize(("system", "wanted"), [(254, -1.0), (253, 1.0)])
+def test_a_mode_ordered_by_a_sender_makes_its_sticks_count(
+    system: int, wanted: float, *, legacy: bool
+) -> None:
+    harness = first_falls_silent()
+    send(harness, *FULL, system=254)
+    order: Any = mavlink.MAVLink_command_long_message(
+        SYSTEM, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    )
+    if legacy:
+        order = mavlink.MAVLink_set_mode_message(SYSTEM, 1, 3 << 16)
+    harness.send(order, system=system)
+    harness.run()
+    assert forward(harness) == wanted
+
+
+def test_a_mode_ordered_while_another_sender_steers_changes_nothing() -> None:
+    harness = first_falls_silent()
+    send(harness, *FULL, system=254)
+    send(harness, 500, 0, 500, 0, system=255)
+    order = mavlink.MAVLink_set_mode_message(SYSTEM, 1, 3 << 16)
+    harness.send(order, system=254)
+    harness.run()
+    assert forward(harness) == 0.5
+
+
+def test_on_the_ground_another_sender_of_sticks_is_accepted_after_a_timeout() -> None:
+    harness = first_falls_silent(landed=True)
+    send(harness, *FULL, system=254)
+    assert forward(harness) == -1.0
+    harness.run()
+    assert texts(harness) == [SECOND]
+
+
+def test_the_same_sender_of_sticks_goes_on_after_a_pause() -> None:
+    harness = first_falls_silent()
+    send(harness, *FULL, system=255)
+    assert forward(harness) == -1.0
+    harness.run()
+    assert texts(harness) == []
 
 
 def report(
