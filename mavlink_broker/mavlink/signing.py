@@ -20,7 +20,7 @@ import re
 import stat
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Collection, Hashable
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from enum import Enum
 from pathlib import Path
 from typing import Any, Final
@@ -41,9 +41,16 @@ _FILE_NAME: Final = re.compile(r"signing-([1-9][0-9]{0,2})\.key")
 _LOG = logging.getLogger(__name__)
 EPOCH: Final = datetime(2015, 1, 1, tzinfo=UTC)
 TICKS_PER_S: Final = 100_000
+CLOCK_SET: Final = datetime(2025, 1, 1, tzinfo=UTC)
+"""A time before this is of a computer whose clock is not set."""
+MAX_LEAD: Final = timedelta(days=365)
+"""Largest lead of a timestamp over our clock. A year, because a computer without a battery for its
+clock may be months behind a vehicle that has its time from satellites."""
+_MAX_LEAD_TICKS: Final = int(MAX_LEAD.total_seconds()) * TICKS_PER_S
 LOG_INTERVAL_S: Final = 30.0
 """Interval of log lines."""
 CLOCK_ADVICE: Final = "; if a vehicle is not received, this computer's clock may be ahead of it"
+DATE_ADVICE: Final = "; check the date of the sender, else of this computer"
 STREAMS_KEPT: Final = 256
 """Per key; the one that was received last longest ago is forgotten."""
 
@@ -102,6 +109,7 @@ class Refusal(Enum):
     UNSIGNED = "unsigned"
     BAD_SIGNATURE = "bad signature"
     REPLAYED = "replayed or over a minute old"
+    AHEAD = "over a year ahead"
     VERSION_1 = "version 1"
     NO_KEY = "no key for that system"
 
@@ -147,9 +155,12 @@ class LinkSigning:
         # a clock that was ahead is corrected, genuine frames must still be accepted.
         clock = self._verifier.signing
         clock.timestamp = max(self._ticks(), self._newest)
+        timestamp = int.from_bytes(frame[1 - SIGNATURE_LENGTH : -DIGEST_LENGTH], "little")
+        # Or one frame with a wrong year would shut out every stream that begins after it
+        if self._utc() >= CLOCK_SET and timestamp > clock.timestamp + _MAX_LEAD_TICKS:
+            return Refusal.AHEAD
         is_new: bool = self._verifier.check_signature(frame, *source)
         stream = address, source, frame[-SIGNATURE_LENGTH]
-        timestamp = int.from_bytes(frame[1 - SIGNATURE_LENGTH : -DIGEST_LENGTH], "little")
         if not is_new and timestamp <= self._streams.get(stream, timestamp):
             return Refusal.REPLAYED
         self._streams[stream] = timestamp
@@ -250,6 +261,7 @@ class SignatureCheck:
         self._logged = self.refused.copy()
         reasons = ", ".join(f"{count} {refusal.value}" for refusal, count in new.items())
         advice = CLOCK_ADVICE if Refusal.REPLAYED in new else ""
+        advice += DATE_ADVICE if Refusal.AHEAD in new else ""
         _LOG.warning(
             "MAVLink frames refused: %s; the last from system %d%s", reasons, last.system, advice
         )

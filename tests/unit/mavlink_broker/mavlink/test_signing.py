@@ -12,7 +12,9 @@ from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.mavlink.signing import (
     CLOCK_ADVICE,
+    DATE_ADVICE,
     LOG_INTERVAL_S,
+    MAX_LEAD,
     RETRY_INTERVAL_S,
     KeyRing,
     LinkSigning,
@@ -124,6 +126,31 @@ def test_a_forged_frame_from_the_future_does_not_lock_the_vehicle_out(
     forged = received(HEARTBEAT, key=WRONG_KEY, ahead=timedelta(days=365 * 50))
     assert not signature_check.accepts(forged, 0.0)
     assert signature_check.accepts(received(HEARTBEAT, key=KEY), 0.0)
+
+
+def test_a_sender_with_a_wrong_year_shuts_no_later_stream_out(
+    signature_check: SignatureCheck, caplog: pytest.LogCaptureFixture
+) -> None:
+    wrong = received(HEARTBEAT, key=KEY, ahead=timedelta(days=3650))
+    assert not signature_check.accepts(wrong, 0.0, address="station with a wrong year")
+    assert signature_check.refused == {Refusal.AHEAD: 1}
+    assert "1 over a year ahead; the last from system 1" + DATE_ADVICE in caplog.text
+    assert signature_check.accepts(received(HEARTBEAT, key=KEY), 0.0, address="station")
+
+
+@pytest.mark.parametrize(
+    ("utc", "ahead", "refusal"),
+    [
+        (NOW, MAX_LEAD, None),
+        (NOW, MAX_LEAD + timedelta(seconds=1), Refusal.AHEAD),
+        (datetime(1970, 1, 1, tzinfo=UTC), timedelta(days=3650), None),  # Not set: knows nothing
+    ],
+)
+def test_how_far_a_sender_may_be_ahead(
+    utc: datetime, ahead: timedelta, refusal: Refusal | None
+) -> None:
+    message = received(HEARTBEAT, key=KEY, ahead=ahead)
+    assert LinkSigning(KEY, lambda: utc).check(message.get_msgbuf(), source_of(message)) is refusal
 
 
 def test_without_keys_every_message_is_accepted_and_nothing_signed() -> None:

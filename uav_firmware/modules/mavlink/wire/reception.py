@@ -21,7 +21,10 @@ from uav_firmware.topics import Topics
 _WARNING: Final = mavlink.MAV_SEVERITY_WARNING
 REPORT_INTERVAL_US: Final = 30_000_000
 """Shortest interval between two status texts."""
-_WRONG_CLOCK: Final = "signed with an older time than was accepted last: perhaps a clock is wrong"
+_ADVICE: Final = {
+    Refusal.REPLAYED: "signed with an older time than was accepted last: perhaps a clock is wrong",
+    Refusal.AHEAD: "check the date of the station, else the vehicle's",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,6 +148,7 @@ class RefusalCounter:
             unsigned=self._refused[Refusal.UNSIGNED],
             bad_signature=self._refused[Refusal.BAD_SIGNATURE],
             replayed=self._refused[Refusal.REPLAYED],
+            ahead=self._refused[Refusal.AHEAD],
             version_1=self._refused[Refusal.VERSION_1],
             flood=self.flood,
         )
@@ -157,7 +161,8 @@ class RefusalCounter:
         """Warning about newly refused frames, if one is due.
 
         Malformed bytes and floods are only counted. One station whose clock is an hour ahead shuts
-        out all whose clocks are right, until they have caught up: the text names the clock.
+        out all whose clocks are right, until they have caught up, and one whose date is wrong is
+        shut out itself: the text names the clock.
         """
         new = {reason: self._refused[reason] - self._reported[reason] for reason in Refusal}
         if now_us < self._next_report_us or not any(new.values()):
@@ -165,5 +170,5 @@ class RefusalCounter:
         self._next_report_us = now_us + REPORT_INTERVAL_US
         self._reported = dict(self._refused)
         parts = ", ".join(f"{count} {reason.value}" for reason, count in new.items() if count)
-        hint = f" ({_WRONG_CLOCK})" if new[Refusal.REPLAYED] else ""
-        return f"MAVLink frames refused: {parts}{hint}"
+        hints = "".join(f" ({advice})" for reason, advice in _ADVICE.items() if new[reason])
+        return f"MAVLink frames refused: {parts}{hints}"

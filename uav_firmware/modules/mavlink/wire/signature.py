@@ -22,6 +22,14 @@ EPOCH_US: Final = 1_420_070_400_000_000
 """2015-01-01 00:00 UTC [us since 1970]."""
 LATEST: Final = (1 << 48) - (1 << 44)
 """Later times (beyond the year 2098) are refused, because the clock could not advance further."""
+CLOCK_SET: Final = (1_735_689_600_000_000 - EPOCH_US) // TICK_US
+"""A time before this, 2025-01-01, is of a clock that is not set [ticks]."""
+LEAD: Final = 24 * 3600 * 1_000_000 // TICK_US
+"""Largest lead of a frame over a world clock that is set [ticks]: one day, because a wrong time
+zone is less than that, and the lead is how long a station whose clock is ahead shuts others out."""
+LEAD_WITHOUT_CLOCK: Final = 365 * LEAD
+"""Largest lead over the newest time known, without a world clock [ticks]: one year, because the
+vehicle may have been stored for months."""
 NEW_STREAM_WINDOW: Final = 60_000_000 // TICK_US
 """Largest lag of the first frame of a stream behind the own clock [ticks]: one minute."""
 MAX_STREAMS: Final = 256
@@ -38,6 +46,7 @@ class Refusal(Enum):
     UNSIGNED = "unsigned"
     BAD_SIGNATURE = "bad signature"
     REPLAYED = "replayed"
+    AHEAD = "ahead of the vehicle's clock"
     VERSION_1 = "version 1"
 
 
@@ -75,7 +84,22 @@ class SigningClock:
 
     def now(self) -> int:
         """Best estimate of the present time [ticks]."""
-        return max((self._world_us() - EPOCH_US) // TICK_US, self._observed)
+        return max(self._world(), self._observed)
+
+    def latest(self) -> int:
+        """Latest time to accept [ticks].
+
+        The clock follows what is accepted, and a frame that was accepted could be repeated until
+        its time has passed. MAVLink has no limit, so one frame of a station whose year is wrong
+        would shut out every new station until then. A world clock that is more than the lead
+        behind what was accepted has lost its time: it is treated as not set.
+        """
+        world = self._world()
+        if world >= max(CLOCK_SET, self._observed - LEAD):
+            return min(world + LEAD, LATEST)
+        if self._observed >= CLOCK_SET:
+            return min(self._observed + LEAD_WITHOUT_CLOCK, LATEST)
+        return LATEST
 
     def next(self) -> int:
         """Time for the next frame to send [ticks]."""
@@ -85,6 +109,9 @@ class SigningClock:
     def observe(self, time: int) -> None:
         """Advance to the time of a genuine frame or of SETUP_SIGNING [ticks]."""
         self._observed = max(self._observed, time)
+
+    def _world(self) -> int:
+        return (self._world_us() - EPOCH_US) // TICK_US
 
 
 class Signer:
@@ -119,7 +146,9 @@ class Signer:
             frame[-_SIGNATURE_LENGTH - _TIME_LENGTH : -_SIGNATURE_LENGTH], "little"
         )
         stream = Stream(frame[_LINK], system, component)
-        if time > LATEST or not self._is_newer(stream, time):
+        if time > self._clock.latest():
+            return Refusal.AHEAD
+        if not self._is_newer(stream, time):
             return Refusal.REPLAYED
         self._newest[stream] = time
         self._clock.observe(time)

@@ -5,13 +5,12 @@ configuration names the trusted links; by default there is none.
 """
 
 from enum import Enum
-from typing import Final
 
 from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.link_security import LinkSecurity, is_loopback
-from uav_firmware.modules.mavlink.wire.signature import LATEST, SigningClock
+from uav_firmware.modules.mavlink.wire.signature import SigningClock
 from uav_firmware.modules.mavlink.wire.signing_store import SigningStore
 from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.status import VehicleStatus
@@ -23,9 +22,6 @@ class SetupTrust(Enum):
     NEVER = "never"
     SIGNED = "signed"  # Senders that sign with a key of the vehicle
     LOOPBACK = "loopback"  # These, and programs of this machine
-
-
-_YEAR: Final = 365 * 24 * 3600 * 100_000  # [ticks]
 
 
 class SigningSetup:
@@ -96,8 +92,8 @@ class SigningSetup:
             return "this link may not set keys"
         if status is not None and status.armed:
             return "the vehicle is armed"
-        if message.initial_timestamp > min(self._clock.now() + _YEAR, LATEST):
-            return "its time is over a year ahead"
+        if message.initial_timestamp > self._clock.latest():
+            return "its time is ahead of the vehicle's clock"
         return None
 
     def _is_trusted(self, message: Message, sender: Sender) -> bool:

@@ -184,10 +184,11 @@ def test_reasons_are_counted_separately() -> None:
     harness.send(ARM, source=BROKER)
     harness.send(ARM, source=BROKER, signer=signer(WRONG_KEY))
     harness.send(ARM, source=BROKER, signer=signer(behind_us=61 * SECOND_US))
+    harness.send(ARM, source=BROKER, signer=signer(behind_us=-25 * 3600 * SECOND_US))
     harness.memory.incoming.append((ARM.pack(old, force_mavlink1=True), BROKER))
     harness.memory.incoming.append((b"\xfd" + bytes(30), BROKER))
     counts = refused(harness)
-    assert counts[1:] == RefusedFrames(0, 1, 1, 1, 1, 1)[1:]
+    assert counts[1:] == RefusedFrames(0, 1, 1, 1, 1, 1, 1)[1:]
     assert harness.commands() == []
 
 
@@ -225,6 +226,22 @@ def test_a_station_whose_clock_is_ahead_shuts_out_others_and_the_text_names_the_
         "MAVLink frames refused: 1 replayed "
         "(signed with an older time than was accepted last: perhaps a clock is wrong)"
     )
+
+
+def test_a_station_with_a_wrong_year_is_refused_and_the_text_names_its_date() -> None:
+    storage = MemoryStorage()
+    harness = secured(storage=storage)
+    ten_years_us = 3650 * 24 * 3600 * SECOND_US
+    harness.send(ARM, source=BROKER, signer=signer(behind_us=-ten_years_us), system=211)
+    harness.run(2 * SECOND_US)
+    assert refused(harness).ahead == 1
+    text = "".join(m.text for m in harness.received("STATUSTEXT", at=GROUND))
+    assert text == (
+        "MAVLink frames refused: 1 ahead of the vehicle's clock "
+        "(check the date of the station, else the vehicle's)"
+    )
+    assert is_heard(harness, source=BROKER, signer=signer(), system=212)
+    assert is_heard(secured(storage=storage), source=BROKER, signer=signer(), system=213)
 
 
 def test_malformed_bytes_are_counted_and_not_reported() -> None:
@@ -424,7 +441,7 @@ class TestSetupSigning:
     def test_setup_with_a_far_future_time_is_refused(self) -> None:
         harness = self.disarmed(SetupTrust.LOOPBACK)
         harness.send(setup_message(time=(1 << 64) - 1), source=GROUND)
-        assert "over a year ahead" in texts(harness)
+        assert "its time is ahead of the vehicle's clock" in texts(harness)
 
     def test_a_key_that_cannot_be_stored_is_refused(self) -> None:
         storage = MemoryStorage()

@@ -8,8 +8,11 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
 from uav_firmware.modules.mavlink.wire.signature import (
+    CLOCK_SET,
     EPOCH_US,
     LATEST,
+    LEAD,
+    LEAD_WITHOUT_CLOCK,
     MAX_STREAMS,
     NEW_STREAM_WINDOW,
     Refusal,
@@ -20,6 +23,7 @@ from uav_firmware.modules.mavlink.wire.signature import (
 KEY = bytes(range(32))
 OTHER_KEY = bytes(range(1, 33))
 MINUTE = NEW_STREAM_WINDOW
+TODAY = CLOCK_SET + 600 * LEAD
 WORLD = 3_000_000_000_000  # [10 us since 2015]
 BODY = bytes.fromhex("fd0901000a0101000000") + bytes(9) + b"\x12\x34"
 
@@ -121,9 +125,49 @@ def test_a_forged_frame_from_the_future_does_not_lock_the_genuine_sender_out(
 
 def test_a_genuine_time_beyond_the_limit_does_not_stop_the_clock() -> None:
     ours = signer()
-    assert ours.verify(signed(LATEST + 1), 1, 1) is Refusal.REPLAYED
+    assert ours.verify(signed(LATEST + 1), 1, 1) is Refusal.AHEAD
     assert ours.verify(signed(LATEST), 1, 1) is None
     assert len({ours.sign(BODY, 0) for _ in range(100)}) == 100
+
+
+@pytest.mark.parametrize(
+    ("world", "observed", "latest"),
+    [
+        (TODAY, 0, TODAY + LEAD),  # The first run
+        (TODAY, TODAY + LEAD, TODAY + LEAD),  # No accepted frame lets a later one be accepted
+        (TODAY, TODAY + 2 * LEAD, TODAY + 2 * LEAD + LEAD_WITHOUT_CLOCK),  # World clock set back
+        (-1, TODAY, TODAY + LEAD_WITHOUT_CLOCK),  # The world clock is of 1970 or 2014
+        (-1, 0, LATEST),  # Nothing is known
+        (-1, MINUTE, LATEST),  # The stored time is of a run that knew nothing
+        (LATEST, 0, LATEST),
+    ],
+)
+def test_a_genuine_frame_may_be_ahead_of_what_the_clock_can_know(
+    world: int, observed: int, latest: int
+) -> None:
+    ours = Signer(KEY, SigningClock(World(world), observed=observed))
+    assert ours.verify(signed(latest + 1), 1, 1) is Refusal.AHEAD
+    assert ours.verify(signed(latest), 1, 1) is None
+
+
+def test_a_station_with_a_wrong_year_does_not_shut_the_others_out() -> None:
+    clock = SigningClock(World(TODAY))
+    ours = Signer(KEY, clock)
+    assert ours.verify(signed(TODAY), 1, 1) is None
+    assert ours.verify(signed(TODAY + 10 * LEAD_WITHOUT_CLOCK), 1, 1) is Refusal.AHEAD
+    assert ours.verify(signed(TODAY + 1), 1, 1) is None
+    assert ours.verify(signed(TODAY), 2, 1) is None
+    assert clock.now() == TODAY + 1
+
+
+def test_a_frame_from_ahead_that_was_accepted_cannot_be_repeated_after_a_restart() -> None:
+    clock = SigningClock(World(TODAY))
+    frame = signed(TODAY + LEAD)
+    assert Signer(KEY, clock).verify(frame, 1, 1) is None
+    restarted = Signer(KEY, SigningClock(World(TODAY + MINUTE + 1), observed=clock.now()))
+    assert restarted.verify(signed(TODAY + LEAD + MINUTE + 1), 1, 1) is None
+    assert restarted.verify(frame, 1, 1) is Refusal.REPLAYED
+    assert restarted.verify(frame, 2, 1) is Refusal.REPLAYED
 
 
 def test_sent_times_increase_when_the_world_clock_stops_or_steps_back() -> None:
