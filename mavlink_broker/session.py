@@ -332,7 +332,7 @@ class Session:
             effects.messages += self._override_parameters(now)
             effects.messages += self._stop_tracking(now)
             self._expect_camera(now)
-            self._expect_health()
+            self._expect_health(now)
             failures = self._alarms.tick(now, is_connected=vehicle.is_connected(now))
             self._raise_alarms(failures, now, effects)
         else:
@@ -447,14 +447,24 @@ class Session:
         if recovery.has_camera:
             self._alarms.expect_camera(now)
 
-    def _expect_health(self) -> None:
-        """Expect what was healthy in this flight, also behind a restart of the broker."""
+    def _expect_health(self, now: float) -> None:
+        """Expect what was healthy in this flight, also behind a restart of the broker.
+
+        A part that has failed meanwhile may have ended the flight: it is expected once more.
+        """
         vehicle, recovery = self.vehicle, self.vehicle.recovery
-        if vehicle.snapshot.armed is False:
-            recovery.healthy = ()
-        elif vehicle.snapshot.armed and recovery.tracker.is_loaded:
+        is_known = recovery.tracker.is_loaded and not vehicle.may_be_restarted(now)
+        if vehicle.snapshot.armed is None or not is_known:
+            return
+        if vehicle.snapshot.armed:
             self._alarms.expect_healthy(recovery.healthy)
             recovery.healthy = self._alarms.healthy
+        elif recovery.healthy:
+            time_s, armed_s = vehicle.snapshot.time_s, recovery.armed_s
+            was_off = time_s is not None and armed_s is not None and time_s < armed_s
+            if vehicle.armed_period.has_ended_unseen and not was_off:
+                self._alarms.expect_healthy(recovery.healthy)
+            recovery.healthy = ()
 
     def _raise_alarms(self, failures: Iterable[Failure], now: float, effects: Effects) -> None:
         """Report what has failed; a mission in flight fails with it."""

@@ -6,7 +6,7 @@ signals were healthy in between. It is not raised while a cause of it is unhealt
 is raised.
 
 What was healthy in a flight is noted (`healthy`): a part that fails while the link is away, or
-while the broker is restarted, has failed all the same.
+while the broker is restarted, has failed all the same, though the vehicle has landed by then.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -102,6 +102,14 @@ _SENSORS: Final = (
     (mavlink.MAV_SYS_STATUS_GEOFENCE, FENCE),
 )
 """MAV_SYS_STATUS_SENSOR, any of them, and what their failure means."""
+
+
+def unhealthy_parts(bits: int) -> str:
+    """Name what MAV_SYS_STATUS_SENSOR bits show unhealthy, without what has failed with a part."""
+    failures = [failure for mask, failure in _SENSORS if bits & mask]
+    codes = {failure.code for failure in failures}
+    own = (one for one in failures if not codes & CAUSES.get(one.code, frozenset()))
+    return "; ".join(f"unhealthy now: {failure.text}" for failure in own)
 
 
 _NOTED: Final = frozenset(failure for _, failure in _SENSORS)

@@ -110,6 +110,7 @@ class Snapshot:
     boot_ms: int = 0  # Newest time since boot as it came, which begins at 0 again after 2^32 ms
     rounds: int = 0  # How often it has
     has_estimate: bool = True  # Of its place, by ESTIMATOR_STATUS or EKF_STATUS_REPORT
+    unhealthy: int = 0  # MAV_SYS_STATUS_SENSOR, present and enabled, by the newest SYS_STATUS
     has_gps: bool | None = None  # False: its receiver has failed; None: nothing received yet
     mission: MissionNow | None = None
     homeless_since: float | None = None  # On the ground, without a home position; by the broker
@@ -252,8 +253,8 @@ def _system_status(snapshot: Snapshot, message: Message) -> None:
     present = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
     healthy = bool(message.onboard_control_sensors_health & _PREARM)
     snapshot.passes_checks = healthy
-    failed = present & ~message.onboard_control_sensors_health
-    snapshot.has_gps = not (failed & mavlink.MAV_SYS_STATUS_SENSOR_GPS)
+    snapshot.unhealthy = present & ~message.onboard_control_sensors_health
+    snapshot.has_gps = not (snapshot.unhealthy & mavlink.MAV_SYS_STATUS_SENSOR_GPS)
     snapshot.ready_to_arm = healthy if present & _PREARM else None
 
 

@@ -31,7 +31,7 @@ from mavlink_broker.mission.context import (
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.progress_monitor import ProgressMonitor
 from mavlink_broker.mission.states import ARMED_BY_BROKER, ASKING, IN_FLIGHT, Event, State
-from mavlink_broker.vehicle.alarms import is_navigation_failure, mission_error
+from mavlink_broker.vehicle.alarms import is_navigation_failure, mission_error, unhealthy_parts
 from mavlink_broker.vehicle.control_authority import (
     AIRBORNE_MODES,
     FAILSAFE_AFTER_S,
@@ -59,6 +59,7 @@ class Failing(Phase):
         self._fault = Fault("")
         self._stops_propellers = False  # The broker armed the vehicle, and it does not take off
         self._was_in_flight = False
+        self._flew_unseen = False  # Part of it: the alarm of what failed then may be missing
         self._raises_alarm = False
         self._is_left_to_failsafe = False
         self._is_taken = False  # Another system, or a failsafe, has the vehicle
@@ -94,6 +95,7 @@ class Failing(Phase):
         if self._stops_propellers:
             effects.messages += exchanges.disarming(vehicle)
         self._may_take_off = self._stops_propellers and mission.is_start_ordered
+        self._flew_unseen = mission.was_running and fault.reason != RESTARTED
         held, self._was_in_flight = vehicle.is_held_by_failsafe, state in IN_FLIGHT
         # What a failsafe does is no alarm (its cause may be one), nor is what another system does
         others = {who, phase.landed_by} - {None, Authority.BROKER}
@@ -150,6 +152,9 @@ class Failing(Phase):
             effects.messages += exchanges.disarming(vehicle)  # The first order may be lost
         reasons = vehicle.status_texts_since(self._reasons_since)
         text = f"{self._fault.reason} ({reasons})" if reasons else self._fault.reason
+        parts = unhealthy_parts(vehicle.snapshot.unhealthy) if self._flew_unseen else ""
+        if parts and vehicle.shows_itself(now):
+            text += f"; {parts}"
         left = self._is_left_to_failsafe and is_navigation_failure(reasons or "")
         if self._raises_alarm or left:
             mission_id = mission.work.mission.mission_id
