@@ -93,6 +93,7 @@ class AuthorityMonitor:
         self.is_arming_ordered = not self._vehicle.snapshot.armed
         if self.is_arming_ordered:
             self._vehicle.note_arming_order(now)
+            self._vehicle.recovery.arming_s = self._vehicle.snapshot.time_s
 
     @property
     def is_lost(self) -> bool:

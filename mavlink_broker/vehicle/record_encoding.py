@@ -141,6 +141,7 @@ class _Document(_Row):
     has_camera: bool = False
     healthy: tuple[_Text, ...] = ()
     armed_s: _Number | None = None
+    arming_s: _Number | None = None
     foreign_order: tuple[_Count, _Count] | None = None
     is_disarmed_by_others: bool = False
     taken_mode: _Text | None = None
@@ -157,6 +158,7 @@ _AS_NOTED: Final = (
     "has_camera",
     "healthy",
     "armed_s",
+    "arming_s",
     "foreign_order",
     "is_disarmed_by_others",
     "taken_mode",

@@ -101,6 +101,7 @@ class RecoveryRecord:
     has_camera: bool = False  # A camera was received in this flight
     healthy: tuple[str, ...] = ()  # Signals of parts that were healthy in this flight
     armed_s: float | None = None  # When it was armed, by its clock since boot
+    arming_s: float | None = None  # When it was ordered to arm, and to start nothing since
     foreign_order: NotedOrder | None = None  # Of another system, by which it holds
     is_disarmed_by_others: bool = False  # By another system's order
     taken_mode: str | None = None  # In which somebody else has it, or had when it was disarmed
@@ -139,6 +140,7 @@ def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRec
         has_camera=later.has_camera or earlier.has_camera,
         healthy=tuple(sorted({*later.healthy, *earlier.healthy})),
         armed_s=earlier.armed_s if later.armed_s is None else later.armed_s,
+        arming_s=earlier.arming_s if later.arming_s is None else later.arming_s,
         foreign_order=later.foreign_order or earlier.foreign_order,
         is_disarmed_by_others=later.is_disarmed_by_others or earlier.is_disarmed_by_others,
         taken_mode=later.taken_mode or earlier.taken_mode,
@@ -276,6 +278,8 @@ class RecoveryState:
         """Signals of parts that were healthy in this flight, and whose alarm was not raised."""
         self.armed_s: float | None = None
         """When it was armed for the flight, by its clock since boot; its log began then."""
+        self.arming_s: float | None = None
+        """When it was ordered to arm, by its clock since boot; None once it is ordered to start."""
         self.armed_period = ArmedPeriod()
         """Who has the vehicle, and whether it stands for somebody else."""
         self.foreign_orders = ForeignOrderMonitor()
@@ -287,6 +291,7 @@ class RecoveryState:
     def note_segment(self, first_command: str, time_s: float | None) -> None:
         """Note that the vehicle is about to be ordered to fly items, at a time of its clock."""
         self.segment, self._segment_s, self._has_flown = first_command, time_s, False
+        self.arming_s = None
 
     def note_flying(self, first_command: str) -> None:
         """Note that the vehicle was seen to fly these items."""
@@ -320,7 +325,7 @@ class RecoveryState:
 
     def clear_commands(self) -> None:
         """Forget live command, segment and pause: none is flown, or those of another mission."""
-        self.live = self.segment = self._segment_s = self.paused = None
+        self.live = self.segment = self._segment_s = self.arming_s = self.paused = None
         self._has_flown = self.was_restarted_since = False
 
     @property
@@ -351,6 +356,7 @@ class RecoveryState:
             has_camera=self.has_camera,
             healthy=self.healthy,
             armed_s=self.armed_s,
+            arming_s=self.arming_s,
             foreign_order=self.foreign_orders.noted,
             is_disarmed_by_others=self.armed_period.was_disarmed_by_others,
             taken_mode=self.armed_period.noted_mode,
@@ -380,6 +386,7 @@ class RecoveryState:
         self._recall_lost_mission()
         self.is_tracking, self._is_of_earlier_run = both.is_tracking, record.is_tracking
         self.has_camera, self.armed_s = both.has_camera, both.armed_s
+        self.arming_s = both.arming_s
         self.healthy = both.healthy
         self.shows_manual = both.shows_manual
         self.foreign_orders.recall(both.foreign_order, now)

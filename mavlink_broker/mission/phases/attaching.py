@@ -54,6 +54,7 @@ _REFUSALS: Final = (
 ARMED_UNSTARTED_S: Final = 10.0
 """How long a vehicle stays armed without a start: COM_DISARM_PRFLT of PX4, DISARM_DELAY of
 ArduPilot."""
+DISARM_EVERY_S: Final = 2.0
 _HALVINGS: Final = 3
 """How often an earlier run may have halved a segment: into eight parts."""
 
@@ -76,6 +77,8 @@ class Attaching(Phase):
         self._connected_at: float | None = None  # First heartbeat since the phase began
         self._flies_another = False  # Another mission; this one waits for the landing
         self._holds_another = False  # Another mission than this one, which has flown
+        self._is_armed_by_us = False  # By an earlier run, and it still stands
+        self._disarm_at = 0.0
         self._refusals_tried = 0
         self._halvings_tried = 0
         self._whole_items = 0  # Of the longest segment before halving; 0: not counted yet
@@ -102,7 +105,8 @@ class Attaching(Phase):
         del effects
         self._entered_at = now
         self._connected_at = None
-        self._flies_another = False
+        self._flies_another = self._is_armed_by_us = False
+        self._disarm_at = now
         return None
 
     def forget(self) -> None:
@@ -112,8 +116,7 @@ class Attaching(Phase):
     def tick(self, now: float, effects: Effects) -> Result:
         """Compare the missions as soon as enough is known of the vehicle."""
         self._note_flying()
-        if self._was_just_armed:  # By an earlier run that was killed before the start
-            self._vehicle.armed_period.claim()
+        self._follow_arming(now, effects)
         if self.exchange is not None:
             return None
         self._apply_notes(now, effects)
@@ -295,18 +298,37 @@ class Attaching(Phase):
         """Whether the vehicle is on the ground, armed or not."""
         return self._vehicle.snapshot.is_on_ground or self._vehicle.is_standing_armed
 
+    def _follow_arming(self, now: float, effects: Effects) -> None:
+        """Keep a vehicle that an earlier run has armed, and disarm it unless it was to start.
+
+        Some vehicles never disarm by themselves. The mission begins once it is disarmed.
+        """
+        vehicle = self._vehicle
+        if not vehicle.is_standing_armed:
+            self._is_armed_by_us = False
+            return
+        is_lost = self._mission.authority.is_lost
+        if self._was_just_armed and not is_lost:
+            vehicle.armed_period.claim()
+            self._is_armed_by_us = True
+        is_ours = self._is_armed_by_us and not is_lost
+        is_started = vehicle.recovery.arming_s is None or vehicle.mode_role is ModeRole.MISSION
+        if is_ours and not is_started and now >= self._disarm_at:
+            self._disarm_at = now + DISARM_EVERY_S
+            effects.messages += exchanges.disarming(vehicle)
+
     @property
     def _was_just_armed(self) -> bool:
-        """Whether an earlier run was about to start the segment, so shortly ago that it still arms.
+        """Whether an earlier run has ordered to arm or to start, so shortly ago that it still arms.
 
         A vehicle that is not started disarms after some seconds; later somebody else arms it.
         """
-        now_s = self._vehicle.snapshot.time_s
+        recovery, now_s = self._vehicle.recovery, self._vehicle.snapshot.time_s
         name = self._mission.ledger.name_of(self._mission.plan.first_command)
-        began_s = self._vehicle.recovery.began_s([name])
-        if now_s is None or began_s is None or not self._vehicle.is_standing_armed:
+        ordered_s = (recovery.began_s([name]), recovery.arming_s)
+        if now_s is None:
             return False
-        return 0.0 <= now_s - began_s <= ARMED_UNSTARTED_S
+        return any(one is not None and 0.0 <= now_s - one <= ARMED_UNSTARTED_S for one in ordered_s)
 
     @property
     def _is_begun(self) -> bool:

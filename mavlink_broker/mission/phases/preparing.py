@@ -234,6 +234,7 @@ class Arming(Phase):
         self._mission = context
         self._entered_at = 0.0
         self._again_at = 0.0
+        self._is_noted = False
 
     @property
     def claim(self) -> Claim:
@@ -244,13 +245,18 @@ class Arming(Phase):
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Order it."""
-        self._entered_at = now
-        self._order(now, effects)
+        self._entered_at, self._is_noted = now, False
+        self._order_when_stored(now, effects)
         return None
 
-    def _order(self, now: float, effects: Effects) -> None:
+    def _order_when_stored(self, now: float, effects: Effects) -> None:
+        """Order it once the journal shows a restarted broker who has armed the vehicle."""
         vehicle = self._mission.vehicle
-        self._mission.authority.order_arming(now)
+        if not self._is_noted:
+            self._mission.authority.order_arming(now)
+        self._is_noted = not vehicle.recovery.is_stored
+        if self._is_noted:
+            return
         arming = vehicle.sequence(vehicle.family.arming, sends_until=self._mission.expires_at)
         self.run(arming, now, effects)
 
@@ -261,6 +267,7 @@ class Arming(Phase):
         """
         if isinstance(outcome, Refused) and outcome.result is not None:
             self._mission.vehicle.armed_period.refuse_arming()
+            self._mission.vehicle.recovery.arming_s = None
         match outcome:
             case Accepted():
                 return Event.ARMED
@@ -289,7 +296,7 @@ class Arming(Phase):
             mission.expire(effects)
             effects.messages += exchanges.disarming(mission.vehicle)
             return Event.ENDED
-        self._order(now, effects)
+        self._order_when_stored(now, effects)
         return None
 
 

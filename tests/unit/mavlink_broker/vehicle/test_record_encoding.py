@@ -75,6 +75,7 @@ RECORDS = st.builds(
     has_camera=st.booleans(),
     healthy=st.lists(st.text(min_size=1, max_size=40), max_size=3).map(tuple),
     armed_s=st.none() | NUMBERS,
+    arming_s=st.none() | NUMBERS,
     foreign_order=st.none() | st.tuples(st.integers(1, 255), st.integers(0, 2**16 - 1)),
     is_disarmed_by_others=st.booleans(),
     taken_mode=st.none() | TEXTS,
