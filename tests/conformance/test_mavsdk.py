@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import pytest
 from mavsdk import Autopilot
-from mavsdk.plugins.action import Action, ActionError
+from mavsdk.plugins.action import Action, ActionError, ActionResult
 from mavsdk.plugins.info import Info
 from mavsdk.plugins.mission_raw import MissionItem, MissionRaw, MissionRawError, MissionRawResult
 from mavsdk.plugins.param import Param, ParamError, ParamResult
@@ -134,6 +134,18 @@ def test_parameters_are_read_set_listed_and_guarded(client: Client) -> None:
     with pytest.raises(ParamError) as unknown:
         parameters.get_param_float("NO_SUCH_PARAM")
     assert unknown.value.args[0] == ParamResult.DOES_NOT_EXIST
+
+
+def test_a_parameter_is_set_right_behind_refused_ones(client: Client) -> None:
+    """MAVSDK takes a value that comes during its next request for the answer to that."""
+    action = client.action
+    for height_m in (8.0, 5.0) * 4:
+        for refused in (math.nan, 1e5, -1.0):
+            with pytest.raises(ActionError) as error:
+                action.set_takeoff_altitude(refused)
+            assert error.value.args[0] == ActionResult.PARAMETER_ERROR
+        action.set_takeoff_altitude(height_m)
+        assert action.get_takeoff_altitude() == height_m
 
 
 def test_a_mission_of_100_items_comes_down_as_it_went_up(client: Client) -> None:

@@ -36,6 +36,13 @@ HASH_NAME: Final = "_HASH_CHECK"
 VALUES_PER_SECOND: Final = 1000
 """Rate of the list in vehicle time: 40 kB/s, a third of a 1 Mbit/s link."""
 _MAX_VALUES_PER_TICK: Final = 40
+REFUSED_VALUE_AFTER_US: Final = 200_000
+"""Vehicle time between the PARAM_ERROR of a refused PARAM_SET and the value that stays.
+
+QGroundControl 5 and MAVProxy know no PARAM_ERROR and need the value; they wait a second for it.
+MAVSDK ends the request with the error. A value that arrives while its next one runs is for MAVSDK
+the answer to that: it repeats PARAM_SET, and the second answer ends the request after that.
+"""
 _NO_INDEX: Final = 0xFFFF
 _INT32: Final[int] = mavlink.MAV_PARAM_TYPE_INT32
 _REAL32: Final[int] = mavlink.MAV_PARAM_TYPE_REAL32
@@ -83,6 +90,7 @@ class ParameterServer:
         self._names: list[str] = []
         self._indices: dict[str, int] = {}
         self._changed: deque[str] = deque()
+        self._refused: dict[tuple[Address, str], int] = {}  # Values to send, and when
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """Handle a message of the parameter protocol."""
@@ -93,7 +101,7 @@ class ParameterServer:
             self._listings[sender.address] = _Listing(next_index=0, sent_us=now_us)
             return [Outgoing(self._hash_value(), sender.address)]
         if message.get_type() == "PARAM_SET":
-            return self._set(message, sender)
+            return self._set(message, sender, now_us)
         return self._read(message, sender)
 
     def tick(self, now_us: int) -> list[Outgoing]:
@@ -101,7 +109,7 @@ class ParameterServer:
         if own := self._registry.take_put_back():
             self._index_names()
             self._changed.extend(own)
-        outgoing = self._next_changes()
+        outgoing = [*self._next_changes(), *self._refused_values(now_us)]
         for address, listing in list(self._listings.items()):
             due = (now_us - listing.sent_us) * VALUES_PER_SECOND // 1_000_000
             if due == 0:
@@ -134,6 +142,7 @@ class ParameterServer:
     def drop_peer(self, address: Address) -> None:
         """Stop the list to a peer whose channel is closed."""
         self._listings.pop(address, None)
+        self._refused = {key: due for key, due in self._refused.items() if key[0] != address}
 
     def hash_value(self) -> int:
         """CRC32 over the parameters as in PX4 and QGroundControl: without inversion."""
@@ -147,6 +156,13 @@ class ParameterServer:
         """Next changed values for every peer."""
         count = min(len(self._changed), _MAX_VALUES_PER_TICK)
         return [Outgoing(self._value(self._changed.popleft())) for _ in range(count)]
+
+    def _refused_values(self, now_us: int) -> list[Outgoing]:
+        """Present values for those whose PARAM_SET was refused a moment ago."""
+        due = [key for key, due_us in self._refused.items() if now_us >= due_us]
+        for key in due:
+            del self._refused[key]
+        return [Outgoing(self._value(name), address) for address, name in due]
 
     def _index_names(self) -> None:
         """Index the parameters; repeated when more are registered."""
@@ -166,22 +182,22 @@ class ParameterServer:
             name = self._names[message.param_index] if known else message.param_id
         if not known:
             return [self._error(name, message.param_index, _DOES_NOT_EXIST, sender)]
+        self._refused.pop((sender.address, name), None)
         return [Outgoing(self._value(name), sender.address)]
 
-    def _set(self, message: Message, sender: Sender) -> list[Outgoing]:
+    def _set(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         name: str = message.param_id
         if name == HASH_NAME:
             self.drop_peer(sender.address)
             return []
+        self._refused.pop((sender.address, name), None)  # This request has its own answer
         fault = self._change(name, message)
         if fault is None:
             self._request_save()
             return [Outgoing(self._value(name))]
-        error = self._error(name, self._indices.get(name, -1), fault, sender)
-        if name not in self._indices:
-            return [error]
-        # The error is first: a client that compares the value assumes a lost PARAM_SET
-        return [error, Outgoing(self._value(name), sender.address)]
+        if name in self._indices:
+            self._refused[sender.address, name] = now_us + REFUSED_VALUE_AFTER_US
+        return [self._error(name, self._indices.get(name, -1), fault, sender)]
 
     def _change(self, name: str, message: Message) -> int | None:
         """Change a value; return a MAV_PARAM_ERROR when it is refused."""

@@ -7,7 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.unit.uav_firmware.modules.mavlink.harness import BROKER, SYSTEM, MavlinkHarness
+from tests.unit.uav_firmware.modules.mavlink.harness import (
+    BROKER,
+    SYSTEM,
+    TICK_US,
+    MavlinkHarness,
+)
+from uav_firmware.modules.mavlink.commands.parameter_server import REFUSED_VALUE_AFTER_US
 from uav_firmware.modules.mavlink.commands.vehicle_facts import vehicle_facts
 from uav_firmware.modules.mavlink.wire.dialect import frame, mavlink, pack
 from uav_firmware.parameters import Registry, param
@@ -226,11 +232,50 @@ def test_an_invalid_value_changes_nothing_and_is_answered_with_the_current_one(
     saved: list[bool] = []
     test = MavlinkHarness(registry=registry(), save=lambda: saved.append(True))
     say_raw(test, b"MIS_TAKEOFF_ALT", raw, kind)
-    test.run()
+    test.run(REFUSED_VALUE_AFTER_US + TICK_US)
     received = test.received()
     assert [m.param_value for m in received if m.get_type() == "PARAM_VALUE"] == [2.5]
     assert [m.error for m in received if m.get_type() == "PARAM_ERROR"] == [error]
     assert saved == []
+
+
+def answers(test: MavlinkHarness, run_us: int) -> list[str | float]:
+    """Names of errors, and values of parameters, that a peer is sent in a time."""
+    test.run(run_us)
+    return [
+        m.param_id if m.get_type() == "PARAM_ERROR" else m.param_value
+        for m in test.received()
+        if m.get_type() in {"PARAM_ERROR", "PARAM_VALUE"}
+    ]
+
+
+def test_the_value_that_stays_comes_when_the_client_has_ended_the_request() -> None:
+    """A value that comes during its next request would be an answer to that for MAVSDK."""
+    test, name = harness(), "MIS_TAKEOFF_ALT"
+    say_raw(test, name.encode(), real(81.0), REAL32)
+    assert answers(test, TICK_US) == [name]
+    assert answers(test, REFUSED_VALUE_AFTER_US - 2 * TICK_US) == []
+    assert answers(test, 2 * TICK_US) == [2.5]
+    assert answers(test, SECOND_US) == []
+
+
+@pytest.mark.parametrize("value", [82.0, 7.5])
+def test_each_request_for_a_refused_parameter_gets_one_answer(value: float) -> None:
+    test, name = harness(), "MIS_TAKEOFF_ALT"
+    say_raw(test, name.encode(), real(81.0), REAL32)
+    assert answers(test, TICK_US) == [name]
+    say_raw(test, name.encode(), real(value), REAL32)
+    is_refused = value > 80.0
+    assert answers(test, REFUSED_VALUE_AFTER_US) == [name if is_refused else value]
+    assert answers(test, SECOND_US) == ([2.5] if is_refused else [])
+
+
+def test_a_refused_parameter_that_is_read_is_sent_once() -> None:
+    test, name = harness(), "MIS_TAKEOFF_ALT"
+    say_raw(test, name.encode(), real(81.0), REAL32)
+    assert answers(test, TICK_US) == [name]
+    test.send(read(name.encode()))
+    assert answers(test, SECOND_US) == [2.5]
 
 
 def test_an_unknown_name_cannot_be_set() -> None:
@@ -315,7 +360,7 @@ def set_to(name: str, value: int) -> Any:
 def test_a_read_only_parameter_accepts_only_its_value(value: int, error: list[int]) -> None:
     test = bench_with_facts()
     test.send(set_to("COM_RC_IN_MODE", value))
-    test.run()
+    test.run(REFUSED_VALUE_AFTER_US + TICK_US)
     received = test.received()
     assert [m.error for m in received if m.get_type() == "PARAM_ERROR"] == error
     assert [m.param_id for m in received if m.get_type() == "PARAM_VALUE"] == ["COM_RC_IN_MODE"]

@@ -3,7 +3,8 @@ from typing import Any
 
 import pytest
 
-from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, MavlinkHarness
+from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, TICK_US, MavlinkHarness
+from uav_firmware.modules.mavlink.commands.parameter_server import REFUSED_VALUE_AFTER_US
 from uav_firmware.modules.mavlink.commands.vehicle_facts import vehicle_facts
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.parameters import ParameterRangeError, Registry
@@ -54,7 +55,7 @@ def test_an_attempt_to_change_one_is_answered_as_read_only() -> None:
         for change, errors in ((0, []), (1, [READ_ONLY])):
             test = MavlinkHarness(registry=facts())
             test.send(set_to(name, registry.get(name) + change, kind))
-            test.run()
+            test.run(REFUSED_VALUE_AFTER_US + TICK_US)
             received = test.received()
             assert [m.error for m in received if m.get_type() == "PARAM_ERROR"] == errors, name
             (value,) = [m for m in received if m.get_type() == "PARAM_VALUE"]
