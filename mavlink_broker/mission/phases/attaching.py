@@ -55,6 +55,7 @@ ARMED_UNSTARTED_S: Final = 10.0
 """How long a vehicle stays armed without a start: COM_DISARM_PRFLT of PX4, DISARM_DELAY of
 ArduPilot."""
 DISARM_EVERY_S: Final = 2.0
+MOST_DISARMINGS: Final = 5
 _HALVINGS: Final = 3
 """How often an earlier run may have halved a segment: into eight parts."""
 
@@ -78,7 +79,9 @@ class Attaching(Phase):
         self._flies_another = False  # Another mission; this one waits for the landing
         self._holds_another = False  # Another mission than this one, which has flown
         self._is_armed_by_us = False  # By an earlier run, and it still stands
+        self._is_unstarted = False  # That one, which was to be ordered to start
         self._disarm_at = 0.0
+        self._disarmings = 0
         self._refusals_tried = 0
         self._halvings_tried = 0
         self._whole_items = 0  # Of the longest segment before halving; 0: not counted yet
@@ -105,8 +108,8 @@ class Attaching(Phase):
         del effects
         self._entered_at = now
         self._connected_at = None
-        self._flies_another = self._is_armed_by_us = False
-        self._disarm_at = now
+        self._flies_another = self._is_armed_by_us = self._is_unstarted = False
+        self._disarm_at, self._disarmings = now, 0
         return None
 
     def forget(self) -> None:
@@ -284,8 +287,11 @@ class Attaching(Phase):
     def _begin_or_wait(self) -> Result:
         """Begin from the ground or from a hover of this broker; else wait for the landing.
 
-        A vehicle that stands armed disarms first.
+        A vehicle that stands armed disarms first, by order if this broker has armed it.
         """
+        if self._is_armed_by_us and self._disarmings < MOST_DISARMINGS:
+            self._is_unstarted, self.exchange = True, None  # Compared again
+            return None
         if self._is_standing or self._vehicle.hovers:
             self._mission.is_hovering = self._vehicle.hovers
             return Event.NOT_STARTED
@@ -299,9 +305,10 @@ class Attaching(Phase):
         return self._vehicle.snapshot.is_on_ground or self._vehicle.is_standing_armed
 
     def _follow_arming(self, now: float, effects: Effects) -> None:
-        """Keep a vehicle that an earlier run has armed, and disarm it unless it was to start.
+        """Keep a vehicle that an earlier run has armed, and disarm it unless it may start yet.
 
-        Some vehicles never disarm by themselves. The mission begins once it is disarmed.
+        Some vehicles never disarm by themselves. The mission begins once it is disarmed. One that
+        was to be ordered to start is disarmed when it turns out that it has flown nothing.
         """
         vehicle = self._vehicle
         if not vehicle.is_standing_armed:
@@ -312,9 +319,11 @@ class Attaching(Phase):
             vehicle.armed_period.claim()
             self._is_armed_by_us = True
         is_ours = self._is_armed_by_us and not is_lost
-        is_started = vehicle.recovery.arming_s is None or vehicle.mode_role is ModeRole.MISSION
-        if is_ours and not is_started and now >= self._disarm_at:
+        may_start = vehicle.recovery.arming_s is None and not self._is_unstarted
+        may_start |= vehicle.mode_role is ModeRole.MISSION
+        if is_ours and not may_start and now >= self._disarm_at:
             self._disarm_at = now + DISARM_EVERY_S
+            self._disarmings += 1
             effects.messages += exchanges.disarming(vehicle)
 
     @property

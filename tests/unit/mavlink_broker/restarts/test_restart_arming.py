@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.phases.attaching import MOST_DISARMINGS
+from mavlink_broker.mission.states import State
 from mavlink_broker.vehicle.armed_period import ARMED_BY_OTHERS
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.scripted_vehicle import ScriptedVehicle
@@ -23,6 +25,17 @@ def just_armed(
     world.edge.plan(first_flight())
     world.run_until(lambda: vehicle.armed)
     world.kill_broker()
+    return world, vehicle
+
+
+def about_to_start(journal: Path, script: Script) -> tuple[World, ScriptedVehicle]:
+    """A world whose broker is killed when it has noted the order to start, and not sent it."""
+    world = World(journal=journal)
+    vehicle = world.add_vehicle(script=script)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: any(one.state is State.STARTING for one in world.app.sessions.values()))
+    world.kill_broker()
+    assert not vehicle.in_mission
     return world, vehicle
 
 
@@ -44,6 +57,34 @@ def test_its_own_vehicle_is_disarmed_and_the_mission_begins_anew(
     world.run_until_over(1201)
     assert world.edge.statuses(1201) == FINISHED
     assert arming_orders(vehicle)[:3] == [1.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+@pytest.mark.parametrize("away_s", [0.0, 3.0])
+def test_one_that_was_to_be_ordered_to_start_is_disarmed_too(
+    away_s: float, script: Script, tmp_path: Path
+) -> None:
+    world, vehicle = about_to_start(tmp_path, script)
+    world.run(away_s)
+    world.restart_broker()
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == FINISHED
+    assert arming_orders(vehicle)[:3] == [1.0, 0.0, 1.0]
+
+
+def test_one_that_disarms_by_no_order_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world, vehicle = about_to_start(tmp_path, PX4)
+    obey = vehicle._obey
+    is_disarming = (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
+    monkeypatch.setattr(
+        vehicle, "_obey", lambda m: None if (m.command, m.param1) == is_disarming else obey(m)
+    )
+    world.restart_broker()
+    world.run_until_over(1201)
+    assert world.edge.reports(1201)[-1]["message"] == "not ready after 60 s: it is armed"
+    assert arming_orders(vehicle) == [1.0] + [0.0] * MOST_DISARMINGS
 
 
 def test_a_vehicle_that_was_ordered_to_arm_long_ago_may_be_anybodys(tmp_path: Path) -> None:
