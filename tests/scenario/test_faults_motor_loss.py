@@ -15,10 +15,10 @@ HEIGHT_M = 10.0
 
 
 def hovering(folder: Path, **config: float) -> AutopilotTester:
-    seed = int(config.pop("seed"))
+    seed, height_m = int(config.pop("seed")), config.pop("height_m", HEIGHT_M)
     tester = AutopilotTester(SimulationConfig(gps="rtk", seed=seed, **config), folder)  # type: ignore[arg-type]
     tester.wait_until_ready()
-    tester.take_off(HEIGHT_M)
+    tester.take_off(height_m)
     tester.run_for(12.0)
     return tester
 
@@ -102,6 +102,31 @@ def test_the_feet_of_a_spinning_vehicle_do_not_trip_it(
     assert not tester.simulation.wrecked
     assert watch.touch_down_m_s is not None
     assert watch.touch_down_m_s < 0.35
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize(
+    ("seed", "height_m", "wind_m_s"),
+    [(1, 2.0, 0.0), (2, 2.0, 0.0), (3, 3.0, 4.0), (4, 4.0, 4.0)],
+)
+def test_a_motor_lost_near_the_ground_tips_no_vehicle_over(
+    tmp_path: Path, seed: int, height_m: float, wind_m_s: float
+) -> None:
+    tester = hovering(tmp_path, seed=seed, height_m=height_m, wind_speed_m_s=wind_m_s)
+    lose(tester, 1 + seed % 4)
+    tester.wait_until_landed(60.0)
+    assert not tester.simulation.wrecked
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("height_m", [0.1, 0.5, 1.0])
+def test_a_motor_lost_in_a_touchdown_tips_no_vehicle_over(tmp_path: Path, height_m: float) -> None:
+    tester = hovering(tmp_path, seed=2)
+    tester.land()
+    tester.wait_until(lambda: tester.true_position()[2] < height_m, 30.0, "low")
+    lose(tester, 3)
+    tester.wait_until_landed(60.0)
+    assert not tester.simulation.wrecked
 
 
 @pytest.mark.promise

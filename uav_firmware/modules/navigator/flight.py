@@ -88,7 +88,7 @@ class Flight:
     frame: LocalFrame | None = None  # About the estimate's origin
     home: HomePosition | None = None
     landed: bool = True
-    motor_lost: bool = False
+    motor_lost_us: int | None = None  # [us] Since when a motor has failed; None: none has
     ground_down: float = NAN  # [m] Of the ground below, by the range finder; NaN: not measured
     range_finder_failed: bool = False  # It is stuck: what it has measured was no ground
     yaw_stick: float = 0.0  # [-] -1 to 1, positive clockwise; 0 without a pilot
@@ -242,6 +242,12 @@ class Flight:
         if self.estimate is None or not self.estimate.position_valid:
             return 0.0
         return self.error_to(self.path.state.position)[0]
+
+    @property
+    def motor_lost_s(self) -> float | None:
+        """For how long a motor has failed [s]; None while all turn."""
+        since_us = self.motor_lost_us
+        return None if since_us is None else (self.now_us - since_us) * 1e-6
 
     def begin_where_it_is(self) -> None:
         """Put the setpoint to a vehicle that has been blown off it: it would wait there for ever.

@@ -161,7 +161,10 @@ class NavigatorModule:
         land = self._topics.land_detected.value
         flight.landed = land is None or land.landed
         failure = self._topics.failure_detector_status.value
-        flight.motor_lost = failure is not None and failure.failed_motors != 0
+        if failure is None or failure.failed_motors == 0:
+            flight.motor_lost_us = None
+        elif flight.motor_lost_us is None:
+            flight.motor_lost_us = now_us
         if estimate is not None:
             flight.frame = _frame_of(estimate, flight.frame)
             self._follow_resets(estimate)

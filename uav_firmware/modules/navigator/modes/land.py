@@ -12,13 +12,19 @@ that ground which lies lower only makes it longer. Where the range finder measur
 elsewhere than was believed, by home or by the target, DESCENT begins anew above that ground: a
 home that was set in the air makes no landing slow, and higher ground none fast. Where the range
 finder turns out to be stuck, the ground is again where it was believed, but never lower than it
-was measured before the vehicle has sunk through that: a landing that is slow stays slow. With a
-motor lost the vehicle spins as it descends, and TOUCHDOWN takes half the speed.
+was measured before the vehicle has sunk through that: a landing that is slow stays slow.
+
+With a motor lost the vehicle spins as it descends, and TOUCHDOWN takes half the speed. For the
+first seconds its body cones by up to 40 degrees and would tip over at the touch, so below
+_CONING_BELOW_M the landing is interrupted until that has settled, unless the vehicle stands:
+
+    DESCENT, TOUCHDOWN --motor lost less than _CONING_S ago--> CONING --settled--> DESCENT
 """
 
 import math
 from enum import Enum, auto
 
+from uav_firmware.lib.ground_contact import does_not_sink
 from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.modules.navigator.modes.approach import NEAR_M, Approach
@@ -29,6 +35,9 @@ from uav_firmware.msg.vectors import Vector3
 
 _CRAWL_SHARE = 0.6  # of MPC_LAND_SPEED, for the last stretch
 _SPINNING_CRAWL_SHARE = 0.3  # The friction of the first foot grows with the sink speed
+_CONING_S = 12.0  # [s] Since a motor was lost; then the body cones by less than 4 degrees
+_CONING_HEIGHT_M = 2.0  # [m] Above the ground; losing the motor costs up to 1 m
+_CONING_BELOW_M = 3.0  # [m] Above the ground; higher it can descend meanwhile
 _GROUND_DIFFERS_M = 1.5  # [m] More than the errors of height and range finder near the ground
 _PATIENCE_S = 5.0  # [s] Longer than a gust
 _DRIFTED_M = 5.0  # [m] From the point, in the descent: more than gusts do
@@ -39,6 +48,7 @@ class LandPhase(Enum):
 
     TRANSIT = auto()
     DESCENT = auto()
+    CONING = auto()
     TOUCHDOWN = auto()
 
 
@@ -85,13 +95,20 @@ class Land:
         height = self._ground_down - flight.position[2]
         if self._finds_other_ground(flight):
             self._descend(flight)
+        elif self.phase is LandPhase.CONING:
+            if not _cones(flight) and flight.path.resting:
+                self._descend(flight)
+        elif _cones(flight) and height < _CONING_BELOW_M and not _stands(flight):
+            self.phase = LandPhase.CONING
+            north, east, _ = flight.path.state.position
+            flight.fly(flight.stop_at((north, east, self._ground_down - _CONING_HEIGHT_M)))
         elif (
             self.phase is LandPhase.DESCENT
             and flight.path.sinking
             and height < params.land_crawl_height
         ):
             self.phase = LandPhase.TOUCHDOWN
-            share = _SPINNING_CRAWL_SHARE if flight.motor_lost else _CRAWL_SHARE
+            share = _SPINNING_CRAWL_SHARE if flight.motor_lost_us is not None else _CRAWL_SHARE
             flight.path.descend(0.0, share * params.land_speed, flight.limits())
 
     def descend_here(self, flight: Flight) -> None:
@@ -143,6 +160,20 @@ class Land:
         horizontal, _ = flight.error_to(self._over)
         blind = flight.estimate is None or not flight.estimate.position_valid
         return blind or (flight.turned and horizontal < NEAR_M)
+
+
+def _cones(flight: Flight) -> bool:
+    """Whether a motor was lost so short a time ago that the body still cones."""
+    lost_s = flight.motor_lost_s
+    return lost_s is not None and lost_s < _CONING_S
+
+
+def _stands(flight: Flight) -> bool:
+    """Whether the ground carries the vehicle already: then it must not rise again."""
+    estimate, commanded_m_s = flight.estimate, flight.path.state.velocity[2]
+    return estimate is not None and does_not_sink(
+        estimate.velocity_ned[2], commanded_m_s, estimate.sink_accuracy_m_s
+    )
 
 
 def land_here(flight: Flight, yaw_deg: float = math.nan) -> Land:

@@ -133,6 +133,44 @@ def test_a_vehicle_that_spins_on_three_rotors_touches_down_at_half_the_speed() -
     assert touch_down_speed(broken) == pytest.approx(0.5 * touch_down_speed(whole), rel=0.02)
 
 
+@pytest.mark.parametrize("lost_at_m", [0.6, 2.0, 4.0])
+def test_a_vehicle_that_has_just_lost_a_motor_waits_above_the_ground_until_it_cones_no_more(
+    lost_at_m: float,
+) -> None:
+    vehicle = airborne()
+    assert vehicle.set_mode(6) == ACCEPTED
+    vehicle.run_until(lambda v: v.height < lost_at_m, 60.0)
+    vehicle.failure.publish(FailureDetectorStatus(vehicle.now_us, False, False, 0b0100))
+    vehicle.run(5.0)
+    waits_from = len(vehicle.track)
+    vehicle.run(6.9)
+    assert all(1.8 < -place[2] < 2.2 for place in vehicle.track[waits_from:])
+    vehicle.run_until(lambda v: v.height < 0.1, 10.0)
+    assert vehicle.setpoints[-1].velocity_ned[2] < 0.25
+    vehicle.run_until(lambda v: not v.armed, 10.0)
+
+
+def test_a_vehicle_that_loses_a_motor_as_it_touches_the_ground_does_not_rise() -> None:
+    """A blade of grass may stop a rotor."""
+    vehicle = airborne()
+    assert vehicle.set_mode(6) == ACCEPTED
+    vehicle.run_until(lambda v: v.height <= 0.0, 60.0)
+    vehicle.run(0.1)
+    vehicle.failure.publish(FailureDetectorStatus(vehicle.now_us, False, False, 0b0100))
+    while vehicle.armed:
+        vehicle.step()
+        assert vehicle.setpoints[-1].velocity_ned[2] > 0.0
+
+
+def test_a_landing_long_after_a_motor_was_lost_does_not_wait() -> None:
+    vehicle = airborne()
+    vehicle.failure.publish(FailureDetectorStatus(vehicle.now_us, False, False, 0b0100))
+    vehicle.registry.set("COM_ACT_FAIL_ACT", 0)
+    vehicle.run(12.0)
+    assert vehicle.set_mode(6) == ACCEPTED
+    vehicle.run_until(lambda v: v.height < 0.1, 15.0)
+
+
 @pytest.mark.parametrize("too_high_m", [-30.0, -3.0, 0.0])
 def test_a_landing_is_slow_near_the_ground_that_is_measured(too_high_m: float) -> None:
     """Wherever the place that was ordered puts the ground."""
