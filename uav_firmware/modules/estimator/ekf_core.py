@@ -118,14 +118,19 @@ class EkfCore:
         self._has_low_throttle = land.has_low_throttle
 
     @property
-    def standing(self) -> bool:
-        """At rest on the ground: landed, or never yet flown for want of an origin.
+    def grounded(self) -> bool:
+        """No rotor lifts it: landed, disarmed, or never yet flown for want of an origin.
 
-        Rotors that may carry the vehicle end it: one that rises slowly is at rest to the inertial
-        sensor and has not risen far enough for the land detector.
+        Rotors that may carry the vehicle end it: one that rises slowly has not risen far enough
+        for the land detector.
         """
         on_ground = self.origin is None if self.on_ground is None else self.on_ground
-        return on_ground and self._has_low_throttle and self.rest.at_rest
+        return on_ground and self._has_low_throttle
+
+    @property
+    def standing(self) -> bool:
+        """At rest on the ground; a vehicle that was disarmed in the air falls and is not."""
+        return self.grounded and self.rest.at_rest
 
     def configure(self, params: EstimatorParams) -> None:
         """Work with changed parameters from now on."""

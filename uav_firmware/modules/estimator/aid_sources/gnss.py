@@ -14,6 +14,7 @@ import math
 from typing import Final
 
 from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.lib.vector import norm
 from uav_firmware.modules.estimator.aid_sources.gnss_consistency import GpsConsistency
 from uav_firmware.modules.estimator.aid_sources.gnss_fusion import (
     GpsRequirements,
@@ -34,6 +35,7 @@ from uav_firmware.modules.estimator.kalman_filter.state import (
     BARO_BIAS,
     DOWN,
     GPS_HEIGHT_BIAS,
+    POSITION,
     VELOCITY,
 )
 from uav_firmware.modules.estimator.params import (
@@ -51,6 +53,10 @@ _SINK: Final = VELOCITY.start + 2
 _HELPS_S: Final = 1.0  # A barometer fused longer ago holds no height
 _SQRT_2: Final = math.sqrt(2.0)  # Two errors of height, now and at the origin, are apart by this
 _WHITE_SHARE: Final = 0.4  # Of the error of height: what changes from fix to fix
+_STANDS_M_S: Final = 1.0  # [m/s] More than the noise of a receiver that stands
+_FALLS_M_S: Final = 3.0  # [m/s] No vehicle lands so fast
+_STANDS_S: Final = 0.15  # Three fixes on end
+_FALLEN_S: Final = 0.5  # Since the impact, at most: those fixes and their delay
 _STEADY_US: Final = 1_000_000  # Good fixes on end before the estimate is reset to one after a loss
 
 
@@ -122,6 +128,7 @@ class GpsAiding:
         # A vertical velocity that is reset holds no height; then the barometer does, or nothing
         without_baro = baro.age_s(core.time_us) > _HELPS_S
         core.add_impact_uncertainty(gps.time_us)
+        self._end_fall(core, gps)
         self._compare(core, gps)
         if self._turns(core, gps):
             self._reset_horizontal(core, gps, vertically=False)
@@ -134,6 +141,22 @@ class GpsAiding:
         elif gps.time_us - (self._good_since_us or 0) >= _STEADY_US:
             self._reset_horizontal(core, gps, vertically=without_baro)
         self._fuse_height(core, gps, failed=height_failed)
+
+    def _end_fall(self, core: EkfCore, gps: SensorGps) -> None:
+        """Let a fix find a fall that has ended on the ground, unseen by the accelerometer.
+
+        The impact is shorter than a sample. A vehicle that no rotor lifts and that stands by GPS
+        does not fall, whatever the inertial sensors have added up; GPS would be rejected for
+        RESET_AFTER_S, while the height runs on through the ground.
+        """
+        rejected_s = self.velocity.rejected_s(core.time_us)
+        if not core.grounded or rejected_s < _STANDS_S or norm(gps.velocity_ned) > _STANDS_M_S:
+            return
+        north, east, down = self._velocity_group(core, gps)
+        error = norm((north.innovation, east.innovation, down.innovation))
+        if error > _FALLS_M_S:
+            core.ekf.forget(VELOCITY, error)
+            core.ekf.forget(POSITION, error * _FALLEN_S)
 
     def _compare(self, core: EkfCore, gps: SensorGps) -> None:
         """Compare position and velocity of a fix with those before."""

@@ -6,13 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.support.messages import said
+from tests.support.messages import changed, said
 from tests.unit.uav_firmware.modules.estimator.flight import (
     GRAVITY,
     PERFECT,
     Array,
     Errors,
     Flight,
+    Readings,
     Rig,
     recorded,
 )
@@ -117,6 +118,46 @@ def test_rotors_that_may_lift_the_vehicle_end_its_standing() -> None:
             standing[readings.truth.time_us] = core.standing
     assert standing[8_900_000]
     assert not standing[9_100_000]
+
+
+def fallen(readings: Readings, drop_us: int, fall_s: float) -> Readings:
+    """The same vehicle dropped at a time, its impact shorter than a sample; truth is left alone."""
+
+    def motion(time_us: int) -> tuple[float, float]:
+        """Depth [m] and sink [m/s]."""
+        since_s = (time_us - drop_us) * 1e-6
+        depth_m = 0.5 * GRAVITY * min(max(since_s, 0.0), fall_s) ** 2
+        return depth_m, GRAVITY * since_s if 0.0 < since_s < fall_s else 0.0
+
+    imu, baro, gps = readings.imu, readings.baro, readings.gps
+    now_us = readings.truth.time_us
+    depth_m, sink_m_s = motion(now_us)
+    if sink_m_s > 0.0:
+        x, y, z = imu.specific_force_frd
+        imu = changed(imu, specific_force_frd=(x, y, z + GRAVITY))
+    if baro is not None:
+        baro = baro._replace(pressure_pa=baro.pressure_pa + 11.3 * depth_m)
+    if gps is not None:
+        depth_m, sink_m_s = motion(gps.time_us)
+        north, east, down = gps.velocity_ned
+        gps = gps._replace(
+            altitude_amsl_m=gps.altitude_amsl_m - depth_m,
+            velocity_ned=(north, east, down + sink_m_s),
+        )
+    return readings._replace(imu=imu, baro=baro, gps=gps)
+
+
+def test_a_vehicle_that_has_fallen_to_the_ground_does_not_fall_on_through_it() -> None:
+    """Disarmed in the air it counts as landed; the accelerometer has missed the impact."""
+    rig, drop_us, fall_s = Rig(), 8_000_000, 1.2
+    depth_m = 0.5 * GRAVITY * fall_s**2
+    for readings in recorded(start_s=15.0).steps(10.5):
+        rig.feed(fallen(readings, drop_us, fall_s))
+        down = rig.position.position_ned[2] if rig.local.value is not None else 0.0
+        assert down < depth_m + 0.4 * GRAVITY * fall_s
+        if readings.truth.time_us > drop_us + (fall_s + 0.5) * 1e6:
+            assert rig.position.velocity_ned[2] == pytest.approx(0.0, abs=0.5)
+            assert down == pytest.approx(depth_m, abs=1.0)
 
 
 @pytest.mark.thorough
