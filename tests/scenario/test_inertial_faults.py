@@ -180,6 +180,33 @@ def test_of_two_inertial_units_the_broken_one_is_found_and_given_up(
     assert not hover.tester.status.preflight_checks_pass
 
 
+@pytest.mark.first_case
+@pytest.mark.parametrize(
+    ("line", "config"),
+    [
+        ("gyro_bias instance=all x_deg_s=3", {"imus": 3}),
+        ("gyro_bias instance=all x_deg_s=3", {"imus": 2}),
+        ("gyro_bias instance=all y_deg_s=-10", {"imus": 3, "wind_speed_m_s": 5.0}),
+        ("gyro_bias instance=all x_deg_s=2 y_deg_s=-3 z_deg_s=5", {"imus": 3, "seed": 2}),
+    ],
+)
+def test_gyroscopes_that_jump_alike_are_followed_and_named(
+    tmp_path: Path, line: str, config: dict[str, float]
+) -> None:
+    """No vote sees it; the GPS velocity proves it, and neither GPS nor accelerometer is blamed."""
+    hover = Hover(tmp_path, **config)
+    hover.break_now(line)
+    hover.tester.run_for(15.0)
+    assert hover.tester.has_status_text("Gyroscope bias has jumped, following it")
+    for other in ("GPS velocity", "Accelerometer", "Compass"):
+        assert not hover.tester.has_status_text(other)
+    assert hover.farthest_m < 5.0
+    if hover.tester.status.armed:
+        hover.tester.land()
+        hover.tester.wait_until_landed()
+    assert not hover.tester.simulation.wrecked
+
+
 @pytest.mark.parametrize(
     ("line", "wind_speed_m_s", "seed"), [("accel_loss", 5.0, 3), ("accel_frozen", 0.0, 1)]
 )

@@ -25,7 +25,10 @@ from uav_firmware.modules.estimator.aid_sources.gnss_fusion import (
 )
 from uav_firmware.modules.estimator.ekf_core import RESET_AFTER_S, EkfCore
 from uav_firmware.modules.estimator.fault_detection.accel_bias_jump import VerticalVelocityMonitor
-from uav_firmware.modules.estimator.fault_detection.gyro_bias_jump import HorizontalVelocityMonitor
+from uav_firmware.modules.estimator.fault_detection.gyro_bias_jump import (
+    CommonJumpMonitor,
+    HorizontalVelocityMonitor,
+)
 from uav_firmware.modules.estimator.fault_detection.heading_by_course import HeadingByCourse, Pair
 from uav_firmware.modules.estimator.kalman_filter.alignment import OriginAverage
 from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement
@@ -70,6 +73,7 @@ class GpsAiding:
         self._origin = OriginAverage(params.origin_time)
         self._plausibility = VelocityPlausibility()
         self._monitor = HorizontalVelocityMonitor()
+        self._common_monitor = CommonJumpMonitor()
         self._vertical_monitor = VerticalVelocityMonitor()
         self._heading = HeadingByCourse()
         self._consistency = GpsConsistency()
@@ -130,7 +134,9 @@ class GpsAiding:
         core.add_impact_uncertainty(gps.time_us)
         self._end_fall(core, gps)
         self._compare(core, gps)
-        if self._turns(core, gps):
+        pair = _pair_of(core, gps)
+        self._common_monitor.update(core, pair, self._consistency.apart_m_s)
+        if self._turns(core, pair):
             self._reset_horizontal(core, gps, vertically=False)
         elif not self._is_stale(core):
             self._fuse_velocity(core, gps)
@@ -166,18 +172,16 @@ class GpsAiding:
         north_m_s, east_m_s, _ = gps.velocity_ned
         self._consistency.update(gps.time_us, (north_m, east_m), (north_m_s, east_m_s))
 
-    def _turns(self, core: EkfCore, gps: SensorGps) -> bool:
+    def _turns(self, core: EkfCore, pair: Pair | None) -> bool:
         """Set a heading by which the vehicle would fly away to what the course proves.
 
         The compass, which has misled it, is then rejected, and its bias learnt anew in flight.
         """
-        inertial = core.course.at(gps.time_us)
         steady = core.gyros_agree and not core.force_modelled
-        if core.on_ground is not False or not steady or inertial is None:
+        if core.on_ground is not False or not steady or pair is None:
             self._heading.restart()
             return False
-        north, east, _ = gps.velocity_ned
-        angle = self._heading.update(Pair(gps.time_us, *inertial, north, east))
+        angle = self._heading.update(pair)
         if angle is None:
             return False
         core.turn_heading(angle)
@@ -320,6 +324,13 @@ def _recalled(core: EkfCore, gps: SensorGps) -> Past:
     if past is None:
         raise ValueError(f"time_us: {gps.time_us} is not in the history")
     return past
+
+
+def _pair_of(core: EkfCore, gps: SensorGps) -> Pair | None:
+    """Both velocities at the time of a fix; None if that by the inertial sensors is not kept."""
+    inertial = core.course.at(gps.time_us)
+    north, east, _ = gps.velocity_ned
+    return None if inertial is None else Pair(gps.time_us, *inertial, north, east)
 
 
 def _frame_of(core: EkfCore) -> LocalFrame:

@@ -31,6 +31,7 @@ class GpsConsistency:
         self._north = self._east = 0.0
         self._velocity = (0.0, 0.0)
         self.contradicts = False
+        self.apart_m_s = math.inf  # By which the position runs away; infinite while not known
 
     def update(
         self, time_us: int, position_ne: tuple[float, float], velocity_ne: tuple[float, float]
@@ -52,6 +53,7 @@ class GpsConsistency:
     def _is_off(self, time_us: int) -> bool:
         kept = self._kept
         if time_us - kept[0][0] < 2 * _HALF_US:
+            self.apart_m_s = math.inf
             return False
         middle = kept[0]
         for entry in kept:
@@ -59,7 +61,7 @@ class GpsConsistency:
                 break
             middle = entry
         north, east = _rate(kept[0], kept[-1])
-        size = math.hypot(north, east)
+        self.apart_m_s = size = math.hypot(north, east)
         if size <= _LIMIT_M_S:
             return False
         halves = (_rate(kept[0], middle), _rate(middle, kept[-1]))

@@ -5,10 +5,10 @@ a cold solder joint or a supply that fails, the filter would reject every other 
 correct the bias. The size of the jump that explains the innovations is computed; twice
 that is the deviation that the filter gets (`bias_jump`), and it estimates the rest.
 
-Several gyroscopes that agree have not jumped, all alike and at once (`EkfCore.gyros_agree`), nor
-have accelerometers that agree: then it is the receiver or the compass that is wrong, and the
-attitude is not opened to it. PX4 keeps its attitude as well, and rejects the source or resets
-velocity and heading.
+Several gyroscopes that agree are believed (`EkfCore.gyros_agree`), and so are accelerometers:
+then it is the receiver or the compass that is wrong, and the attitude is not opened to it. PX4
+keeps its attitude as well, and rejects the source or resets velocity and heading. Only a drift
+that nothing else can make proves that all have jumped alike (`common_gyro_jump`).
 
 A velocity that drifts has other causes too. A wrong heading while the vehicle accelerates: what
 0.2 rad of it would do to the latest change of velocity counts as noise here. Scale factor and
@@ -25,6 +25,8 @@ from typing import Final
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.modules.estimator.ekf_core import EkfCore
 from uav_firmware.modules.estimator.fault_detection.accel_bias_jump import expect_accel_jump
+from uav_firmware.modules.estimator.fault_detection.common_gyro_jump import CommonJumpProof
+from uav_firmware.modules.estimator.fault_detection.heading_by_course import Pair
 from uav_firmware.modules.estimator.fault_detection.innovation_cusum import InnovationCusum
 from uav_firmware.modules.estimator.kalman_filter.bias_jump import (
     EVERY_AXIS,
@@ -69,7 +71,7 @@ class HorizontalVelocityMonitor:
             return
         noise = math.hypot(
             _HEADING_ERROR_RAD * self._change(ekf.state.velocity_ned, now_us),
-            _SCALE_ERROR * STANDARD_GRAVITY_M_S2 * _RECENT_S * core.recent_rotation.angle_rad,
+            _scale_doubt(core),
         )
         drift = self._drift.update(
             [m.innovation / math.hypot(ekf.deviation(m), noise) for m in horizontal], now_us
@@ -84,10 +86,7 @@ class HorizontalVelocityMonitor:
             return
         if core.gyros_agree:
             return
-        jump = 2.0 * feigned / (STANDARD_GRAVITY_M_S2 * since_s**2)
-        _add_jump(ekf, EVERY_AXIS, jump, since_s)
-        core.gyro_jump.expect(ekf.state.gyro_bias_frd, now_us)
-        core.tilt_jump_us = now_us
+        _expect_tilt_jump(core, 2.0 * feigned / (STANDARD_GRAVITY_M_S2 * since_s**2), since_s)
 
     def _change(self, velocity: Vector3, now_us: int) -> float:
         """How much the velocity has changed recently [m/s]."""
@@ -97,6 +96,31 @@ class HorizontalVelocityMonitor:
         self._slow = (slow[0] + share * north, slow[1] + share * east, 0.0)
         self._last_us = now_us
         return math.hypot(north, east)
+
+
+class CommonJumpMonitor:
+    """Detects a jump that several gyroscopes show alike, and lets the filter follow it too."""
+
+    def __init__(self) -> None:
+        self._proof = CommonJumpProof()
+
+    def update(self, core: EkfCore, pair: Pair | None, contradiction_m_s: float) -> None:
+        """Add a fix; `contradiction_m_s` is by which its position runs away from its velocity."""
+        now_us = core.time_us
+        believed = core.gyros_agree and core.accels_agree and not core.force_modelled
+        flying = core.on_ground is False and not core.impact.is_recent(now_us)
+        if pair is None or not believed or not flying:
+            self._proof.restart()
+            return
+        jump = self._proof.update(
+            pair,
+            core.ekf.turned_ned,
+            contradiction_m_s,
+            _scale_doubt(core),
+            force_stepped=core.lateral.stepped,
+        )
+        if jump is not None:
+            _expect_tilt_jump(core, jump.rate, min(jump.since_s, _LONGEST_S))
 
 
 class HeadingMonitor:
@@ -140,6 +164,19 @@ class HeadingMonitor:
         _add_jump(ekf, TURNING, jump, min(abs(measured.innovation) / jump, _LONGEST_S))
         core.gyro_jump.expect(ekf.state.gyro_bias_frd, now_us)
         core.turn_jump_us = now_us
+
+
+def _scale_doubt(core: EkfCore) -> float:
+    """Velocity [m/s] that the scale errors of the gyroscope may have made by tilting."""
+    angle_rad = core.recent_rotation.angle_rad
+    return _SCALE_ERROR * STANDARD_GRAVITY_M_S2 * _RECENT_S * angle_rad
+
+
+def _expect_tilt_jump(core: EkfCore, jump: float, since_s: float) -> None:
+    """Let the filter reckon with a jump [rad/s] some time ago."""
+    _add_jump(core.ekf, EVERY_AXIS, jump, since_s)
+    core.gyro_jump.expect(core.state.gyro_bias_frd, core.time_us)
+    core.tilt_jump_us = core.time_us
 
 
 def _drift_of_headings() -> InnovationCusum:
