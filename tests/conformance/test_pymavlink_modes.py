@@ -1,7 +1,8 @@
-"""pymavlink's `set_mode`, which scripts use, against the autopilot process.
+"""How pymavlink's scripts begin, against the autopilot process: `wait_heartbeat`, `set_mode`.
 
-It takes the newest HEARTBEAT of any component for the autopilot's. With that of a camera it knows
-neither autopilot nor modes, and raises an error.
+The first returns with the next HEARTBEAT of any component, and knows the vehicle's system id only
+if that is the autopilot's. The second takes the newest one of any component for the autopilot's:
+with that of a camera it knows neither autopilot nor modes, and raises an error.
 """
 
 import time
@@ -35,6 +36,14 @@ def read_for(link: Any, seconds: float) -> None:
     end_s = time.monotonic() + seconds
     while (left_s := end_s - time.monotonic()) > 0.0:
         link.recv_match(blocking=True, timeout=left_s)
+
+
+@pytest.mark.parametrize("after_s", [0.1, 0.5, 0.9])
+def test_a_script_knows_the_vehicle_after_its_first_heartbeat(link: Any, after_s: float) -> None:
+    read_for(link, after_s)
+    link.target_system = link.target_component = 0
+    heard = link.wait_heartbeat(timeout=PATIENCE_S)
+    assert (heard.get_srcComponent(), link.target_system) == (1, SYSTEM)
 
 
 @pytest.mark.parametrize("after_s", [0.1, 0.35, 0.6, 0.85])

@@ -5,8 +5,9 @@ only. Peers with the same rate are therefore due in the same control step and sh
 payload, while different messages of the same rate are spread over the steps.
 
 A key is a message id; above its 24 bits is the component, 0 for the autopilot. One message of
-several components is due in the same step, and the autopilot's is the last of them: pymavlink and
-MAVSDK take the newest HEARTBEAT of any component for the autopilot's.
+several components is due in the same step, and the autopilot's is both the first and the last of
+them. pymavlink knows a vehicle's system id after `wait_heartbeat` only if the first HEARTBEAT that
+arrives is the autopilot's, and it and MAVSDK take the newest of any component for the autopilot's.
 """
 
 from collections.abc import Mapping
@@ -32,6 +33,12 @@ def _phase_us(key: int) -> int:
 def _due(due_us: int, key: int) -> tuple[int, bool, int]:
     """Entry of the heap: other components come before the autopilot."""
     return due_us, key <= _MESSAGE_IDS, key
+
+
+def _autopilot_first(taken: list[int]) -> list[int]:
+    """Put what the autopilot sends too before what other components send of it."""
+    of_others = {key & _MESSAGE_IDS for key in taken if key > _MESSAGE_IDS}
+    return [key for key in taken if key in of_others] + taken if of_others else taken
 
 
 class Schedule:
@@ -78,4 +85,4 @@ class Schedule:
             heapreplace(due, _due(next_us, key))
             taken.append(key)
         self.next_due_us = due[0][0] if due else now_us + _PHASE_STEP_US
-        return taken
+        return _autopilot_first(taken)

@@ -22,8 +22,8 @@ SECOND_US = 1_000_000
 def test_configured_peers_get_heartbeats_from_the_start() -> None:
     harness = MavlinkHarness()
     harness.run(10 * SECOND_US)
-    assert 10 <= len(harness.received("HEARTBEAT")) <= 12
-    assert 10 <= len(harness.received("HEARTBEAT", at=BROKER)) <= 12
+    assert 20 <= len(harness.received("HEARTBEAT")) <= 24
+    assert 20 <= len(harness.received("HEARTBEAT", at=BROKER)) <= 24
 
 
 def test_a_peer_is_discovered_by_its_heartbeat() -> None:

@@ -74,18 +74,18 @@ def test_the_shortest_interval_follows_requests() -> None:
     assert schedule.shortest_interval_us == LONGEST_INTERVAL_US
 
 
-def test_one_message_of_several_components_is_due_together_the_autopilots_last() -> None:
+def test_of_one_message_of_several_components_the_autopilots_is_first_and_last() -> None:
     cameras = [100 << 24, 101 << 24]
     schedule = Schedule(dict.fromkeys((0, 1, *cameras), 1_000_000))
     due = [schedule.take_due(now_us) for now_us in range(0, 5_000_000, STEP_US)]
     together = [keys for keys in due if set(keys) & {0, *cameras}]
-    assert [[key for key in keys if key != 1] for keys in together] == [[*cameras, 0]] * 5
+    assert [[key for key in keys if key != 1] for keys in together] == [[0, *cameras, 0]] * 5
 
 
-def test_a_component_that_is_asked_again_comes_back_before_the_autopilot() -> None:
+def test_a_component_that_is_asked_again_comes_back_between_the_autopilots() -> None:
     schedule = Schedule({0: 1_000_000, 100 << 24: 1_000_000})
     schedule.take_due(0)
     schedule.set_interval(100 << 24, 500_000, 300_000)
     assert schedule.take_due(300_000) == [100 << 24]
     assert schedule.take_due(500_000) == [100 << 24]
-    assert schedule.take_due(1_000_000) == [100 << 24, 0]
+    assert schedule.take_due(1_000_000) == [0, 100 << 24, 0]
