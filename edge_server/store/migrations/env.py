@@ -2,6 +2,7 @@
 
 from alembic import context
 
+import edge_server.store.migrations.partial_indexes  # noqa: F401  # they complete the metadata
 from edge_server.store.rows.tables import METADATA
 
 connection = context.config.attributes["connection"]

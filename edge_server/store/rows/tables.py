@@ -1,4 +1,7 @@
-"""Every table, its keys and what each column means. Times are epoch seconds."""
+"""Every table, its keys and what each column means. Times are epoch seconds.
+
+Partial indexes are in `store/migrations/partial_indexes.py`.
+"""
 
 from sqlalchemy import (
     BigInteger,
@@ -15,7 +18,6 @@ from sqlalchemy import (
     Table,
     Text,
     false,
-    text,
 )
 
 METADATA = MetaData(
@@ -42,13 +44,6 @@ telemetry = Table(
     Column("received_at", Float, nullable=False),
     Column("size_bytes", Integer, nullable=False, server_default="0"),  # Of the payload, about
     Index(None, "kind", "id"),
-    Index(
-        None,
-        "kind",
-        "size_bytes",
-        sqlite_where=text("kind = 'image'"),
-        postgresql_where=text("kind = 'image'"),
-    ),
     sqlite_autoincrement=True,
 )
 """Reports of vehicles and gaps, until the cloud has confirmed them."""
@@ -73,12 +68,6 @@ outbox = Table(
     CheckConstraint("state IN ('queued', 'dead')", name="state"),
     CheckConstraint("state <> 'dead' OR last_error IS NOT NULL", name="dead_has_reason"),
     Index(None, "vehicle_id", "kind", "state", "id"),
-    Index(
-        "ix_outbox_dead",
-        "id",
-        sqlite_where=text("state = 'dead'"),
-        postgresql_where=text("state = 'dead'"),
-    ),
     sqlite_autoincrement=True,
 )
 """Records that the relay still has to send, and dead letters."""
@@ -187,12 +176,6 @@ work = Table(
     ),
     Index(None, "state", "id"),
     Index(None, "vehicle_id", "mission_id", "state"),
-    Index(
-        "ix_work_not_flown",
-        "vehicle_id",
-        sqlite_where=text("accepted_at IS NOT NULL AND NOT flown"),
-        postgresql_where=text("accepted_at IS NOT NULL AND NOT flown"),
-    ),
     sqlite_autoincrement=True,
 )
 """The broker's work: missions of plans, events, and requests for a state vector."""

@@ -14,6 +14,7 @@ from edge_server.outbox.queue import Stream
 from edge_server.store import migrate
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.engines import open_engine, sqlite_url
+from edge_server.store.migrations import partial_indexes  # noqa: F401  # they complete METADATA
 from edge_server.store.rows import plans, telemetry, vehicles, work
 from edge_server.store.rows.plans import StoredPlan
 from edge_server.store.rows.tables import METADATA
