@@ -24,3 +24,8 @@ test("translations name the same values", () => {
     expect([key, values(spanish.get(key) ?? "")]).toEqual([key, values(text)]);
   }
 });
+
+test("the distance of a flight is named as the one over ground, unlike that of a flight report", () => {
+  expect(en.flights.distance).toBe("Distance over ground");
+  expect(es.flights.distance).toBe("Distancia sobre el suelo");
+});

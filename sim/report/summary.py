@@ -23,7 +23,7 @@ def summary(flight: Flight) -> list[tuple[str, str]]:
     return [
         ("Armed; in the air", f"{flight.armed_for_s:.1f} s; {flight.airborne_s:.1f} s"),
         (
-            "Distance flown; greatest height",
+            "3-D distance flown; greatest height",
             f"{flight.distance_flown_m:.1f} m; {_top(flight.true):.2f} m",
         ),
         (

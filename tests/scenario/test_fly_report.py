@@ -179,7 +179,7 @@ def test_every_topic_of_the_flight_is_in_the_log(flown: Run) -> None:
 def test_the_estimate_in_the_log_is_near_the_truth(flown: Run) -> None:
     told = cells(flown.html, "Estimate error, level")[1]
     assert 0.0 < float(told.split(" m RMS")[0]) < 0.6
-    height = cells(flown.html, "Distance flown; greatest height")[1]
+    height = cells(flown.html, "3-D distance flown; greatest height")[1]
     track = read_track(flown.out / "vehicle-1" / "truth.csv")
     highest_m = max(position.height_above_home_m for position in track)
     assert float(height.split("; ")[1].removesuffix(" m")) == pytest.approx(highest_m, abs=0.02)

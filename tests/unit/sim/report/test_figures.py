@@ -105,7 +105,7 @@ def test_the_summary_tells_the_figures() -> None:
     assert rows["Estimate error, level"].startswith("1.000 m RMS; 1.000 m")
     assert rows["Estimate error, height"].startswith("0.000 m RMS")
     assert rows["Fastest: level; up; down"].startswith("1.00; 0.97; 0.61")
-    assert rows["Distance flown; greatest height"].endswith("5.00 m")
+    assert rows["3-D distance flown; greatest height"].endswith("5.00 m")
     assert rows["Battery used"].startswith(f"{(25.9 + 2.0) * 12.0 / 3.6:.0f} mAh, 1.4 Wh; 90% left")
 
 
