@@ -142,7 +142,8 @@ class _EdgeCollector(Collector):
         yield _delivery_seconds(counts)
         yield _gauge(
             "fm_uplink_state",
-            "0 no relay runs, 1 open, 2 blocked: the cloud is away, 3 paused: it refuses the key",
+            "0 no relay runs, 1 open, 2 blocked: the cloud is away, 3 paused: it refuses the key, "
+            "4 stalled: the relay hangs",
             relay_health.read(self._config).uplink,
         )
         yield from self._storage()

@@ -80,7 +80,7 @@ function plans() {
 }
 
 const mission = () => plans().filter((one) => one.id === 1).map((one) => ({ plan_id: one.plan_id, ...one.missions[0] }))[0];
-const uplink = () => ({ reachable: Math.floor(Date.now() / 30_000) % 2 === 0, records_waiting: 12 });
+const uplink = () => ({ state: Math.floor(Date.now() / 30_000) % 2 === 0 ? "open" : "blocked", records_waiting: 12 });
 const snapshot = () => ({ vehicles: vehicles(), missions: [mission()], uplink: uplink() });
 const FIELD = {
   id: 1, name: "North field", boundary: [[40.4436, -3.7392], [40.4447, -3.7392], [40.4447, -3.7374], [40.4436, -3.7374]],

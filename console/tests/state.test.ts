@@ -103,9 +103,11 @@ test("a vehicle that comes back after it was deleted has the home where it stand
   expect(back.homes.get(1)?.latitude_deg).toBe(40.5);
 });
 
-test("the uplink is reachable while its state is open", () => {
-  const blocked = apply(EMPTY, "uplink", { state: "blocked", records_waiting: 3 }, 0);
-  expect(blocked.uplink).toEqual({ reachable: false, records_waiting: 3 });
+test.each([
+  ["open", "open"], ["blocked", "closed"], ["paused", "closed"], ["stopped", "closed"], ["stalled", "stalled"],
+])("an uplink that is %s is shown as %s", (state, shown) => {
+  const after = apply(EMPTY, "uplink", { state, records_waiting: 3 }, 0);
+  expect(after.uplink).toEqual({ state: shown, records_waiting: 3 });
 });
 
 const heardAt = (last: Vehicle) => {

@@ -389,7 +389,7 @@ class Health(Answer):
 
     status: str
     database: str
-    uplink: Literal["stopped", "open", "blocked", "paused"] = optional()
+    uplink: Literal["stopped", "open", "blocked", "paused", "stalled"] = optional()
     relay_deaths: Annotated[int, Member(ge=0)] = optional()
 
 

@@ -19,12 +19,16 @@ _STATUS_DIGITS: Final = 3
 
 
 class UplinkState(IntEnum):
-    """State of the uplink; STOPPED is what other processes report when no relay runs."""
+    """State of the uplink; STOPPED and STALLED are what other processes find.
+
+    STOPPED: no relay runs. STALLED: it runs, but its loop does not.
+    """
 
     STOPPED = 0
     OPEN = 1
     BLOCKED = 2
     PAUSED = 3
+    STALLED = 4
 
 
 class RelayCounts:

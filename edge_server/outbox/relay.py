@@ -48,10 +48,12 @@ class Relay:
         workers: int,
         ballast_path: Path | None = None,
         counts: RelayCounts | None = None,
+        note_activity: Callable[[], None] = lambda: None,
         wall_clock: Callable[[], float] = time.time,
     ) -> None:
         """Use these parts; `wall_clock` gives seconds since 1970.
 
+        `note_activity` is called in each turn of `run`, which takes `TICK_S` at most while idle.
         Without `workers` each step sends on the caller's thread.
         """
         self._database = database
@@ -59,6 +61,7 @@ class Relay:
         self._schedule = schedule
         self._uplink = uplink
         self._counts = counts
+        self._note_activity = note_activity
         self._wall_clock = wall_clock
         self._senders = SenderPool(uplink, workers)
         self._writer = ResultWriter(database, ballast_path, schedule.is_overtaken)
@@ -79,6 +82,7 @@ class Relay:
             self._counts.set_uplink(self._last_state)
         try:
             while not self._stopping.is_set():
+                self._note_activity()
                 self.step(time.monotonic())
                 self._wait()
             self._finish(time.monotonic() + STOP_WAIT_S)

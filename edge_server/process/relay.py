@@ -25,6 +25,7 @@ from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule
 from edge_server.outbox.streams import AllStreams, SharedStreams, Streams
 from edge_server.outbox.uplink import Uplink
+from edge_server.relay_health import Activity
 from edge_server.store import migrate
 from edge_server.store.connection.database import Database, Topic
 from edge_server.store.connection.engines import open_engine
@@ -63,8 +64,10 @@ def run(config: Config) -> None:
     lock = StateFolderLock(config)
     try:
         lock.keep_trying(stopping)
-        while not stopping.is_set() and _wait_for_database(config.database, stopping):
-            _relay_once(config, stopping)
+        while not stopping.is_set() and _wait_for_database(
+            config.database, stopping, lock.note_activity
+        ):
+            _relay_once(config, stopping, lock.note_activity)
     finally:
         stopping.set()
         lock.close()
@@ -84,6 +87,7 @@ class StateFolderLock:
         Raises:
             LockedError: if another relay holds it and the database is our own file.
         """
+        self._config = config
         self._path = config.relay_lock_path
         self._lock = threading.Lock()
         self._is_closed = False
@@ -91,15 +95,21 @@ class StateFolderLock:
         try:
             patience_s = SHARED_PATIENCE_S if is_shared else LOCK_PATIENCE_S
             self._descriptor: int | None = take_lock(self._path, patience_s)
+            self._activity: Activity | None = Activity(config)
         except LockedError:
             if not is_shared:
                 raise
-            self._descriptor = None
+            self._descriptor = self._activity = None
 
     @property
     def is_held(self) -> bool:
         """Whether this process holds it."""
         return self._descriptor is not None
+
+    def note_activity(self) -> None:
+        """Note that the loop of this process runs, if it holds the lock."""
+        if (activity := self._activity) is not None:
+            activity.note()
 
     def keep_trying(self, stopping: threading.Event) -> None:
         """Acquire it in a thread as soon as it is free, unless it is held."""
@@ -112,6 +122,7 @@ class StateFolderLock:
             if not self.is_held and not self._is_closed:
                 with contextlib.suppress(LockedError, OSError):  # Or no descriptor is left
                     self._descriptor = take_lock(self._path, 0.0)
+                    self._activity = Activity(self._config)
             return self.is_held
 
     def close(self) -> None:
@@ -129,11 +140,13 @@ class StateFolderLock:
                 return
 
 
-def _relay_once(config: Config, stopping: threading.Event) -> None:
+def _relay_once(
+    config: Config, stopping: threading.Event, note_activity: Callable[[], None]
+) -> None:
     """Relay until stopped, or until the connection to the database is lost."""
     database = Database(open_engine(config.database))
     try:
-        relay = build(config, database)
+        relay = build(config, database, note_activity)
         _stop_with(relay, stopping)
         LOG.info("relaying to %s", config.cloud_url)
         relay.run()
@@ -173,7 +186,9 @@ def _at_first_signal(end: Callable[[], None]) -> None:
         signal.signal(number, handle)
 
 
-def build(config: Config, database: Database) -> Relay:
+def build(
+    config: Config, database: Database, note_activity: Callable[[], None] = lambda: None
+) -> Relay:
     """Build a relay."""
     schedule = Schedule(
         backoff=Backoff(config.backoff_base_s, config.backoff_cap_s),
@@ -190,6 +205,7 @@ def build(config: Config, database: Database) -> Relay:
         ballast_path=None if database.is_shared else config.ballast_path,
         workers=config.relay_workers,
         counts=RelayCounts(Tally(config.relay_tally_path)),
+        note_activity=note_activity,
     )
 
 
@@ -246,10 +262,13 @@ def take_lock(path: Path, patience_s: float) -> int:
             return descriptor
 
 
-def _wait_for_database(url: str, stopping: threading.Event) -> bool:
+def _wait_for_database(
+    url: str, stopping: threading.Event, note_activity: Callable[[], None]
+) -> bool:
     """Wait until a server has created the tables; false if stopped before."""
     log_at = time.monotonic() + 5.0
     while not migrate.is_ready(url):
+        note_activity()
         if stopping.wait(_LOOK_S):
             return False
         if time.monotonic() > log_at:

@@ -221,7 +221,7 @@ export async function listAudit(since: Date): Promise<AuditRow[]> {
   return lines.map((line) => JSON.parse(line) as AuditRow).reverse();
 }
 
-/** Whether the relay reaches the cloud, where the live feed does not say it. */
-export async function readUplink(): Promise<boolean> {
-  return (await request<{ uplink?: string }>("/readyz")).uplink === "open";
+/** The edge server's word for the state of the uplink, where the live feed does not say it. */
+export async function readUplink(): Promise<string | undefined> {
+  return (await request<{ uplink?: string }>("/readyz")).uplink;
 }

@@ -122,8 +122,11 @@ export interface MissionChange {
   command_array: { command_id: number; command_status_id: StatusId }[];
 }
 
+/** "stalled": the relay hangs, which no internet repairs; "closed": everything else that is not open. */
+export type UplinkState = "open" | "stalled" | "closed";
+
 export interface Uplink {
-  reachable: boolean;
+  state: UplinkState;
   records_waiting: number | null;
 }
 

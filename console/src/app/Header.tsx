@@ -63,11 +63,11 @@ function UplinkState() {
   const isConnected = useLive((state) => state.connection !== "offline");
   if (uplink === null || !isConnected) return null;
   const waiting = uplink.records_waiting;
-  const state = t(uplink.reachable ? "uplink.open" : "uplink.closed");
+  const state = t(`uplink.${uplink.state}`);
   const count = waiting === null ? "" : t("uplink.waiting", { count: waiting });
   return (
     <span
-      className={`state uplink ${uplink.reachable ? "" : "state-warning"}`}
+      className={`state uplink ${uplink.state === "open" ? "" : "state-warning"}`}
       title={[state, count].filter(Boolean).join(", ")}
     >
       <Icon name="cloud" />

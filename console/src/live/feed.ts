@@ -105,7 +105,7 @@ export class Feed {
         const vehicles = await listVehicles();
         for (const vehicle of vehicles) this.take("vehicle", vehicle);
         if (round % 5 === 0) {
-          this.take("uplink", { reachable: await readUplink(), records_waiting: null });
+          this.take("uplink", { state: await readUplink(), records_waiting: null });
         }
       } catch (error) {
         if (!(error instanceof RequestError) || error.status === 0 || error.status === 401) return;

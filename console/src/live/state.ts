@@ -47,7 +47,6 @@ export const EMPTY: LiveState = {
 /** What the feed says about the uplink: "open" while records reach the cloud. */
 interface UplinkRow {
   state?: string;
-  reachable?: boolean;
   records_waiting: number | null;
 }
 
@@ -129,7 +128,8 @@ function linkAfter(silentMs: number, present: Vehicle["link_state"]): Vehicle["l
 
 function uplinkOf(row: UplinkRow | null): Uplink | null {
   if (row === null) return null;
-  return { reachable: row.reachable ?? row.state === "open", records_waiting: row.records_waiting };
+  const state = row.state === "open" || row.state === "stalled" ? row.state : "closed";
+  return { state, records_waiting: row.records_waiting };
 }
 
 export function missionKey(mission: { plan_id: string; mission_id: number }): string {

@@ -211,8 +211,8 @@ def test_a_relay_that_finds_its_file_broken_while_it_makes_room_leaves_a_note(
         def __init__(self, database: Database) -> None:
             self.run = ResultWriter(database).make_room
 
-    monkeypatch.setattr(relay, "build", lambda _config, database: MakesRoom(database))
+    monkeypatch.setattr(relay, "build", lambda _config, database, _note: MakesRoom(database))
     monkeypatch.setattr(relay, "_stop_with", lambda *_: None)
     with pytest.raises(RelayError, match="broken"):
-        relay._relay_once(config, threading.Event())
+        relay._relay_once(config, threading.Event(), lambda: None)
     assert integrity.noted_fault(config.database_path) == "file is not a database"
