@@ -51,6 +51,7 @@ LEFT_OUT: Final = {
     "uav_firmware/parameters.py": "an int given for a float is a float in C: INT32 or REAL32",
     "uav_firmware/cal/": "protocols that are checked at run time have no instance check in C",
     "uav_firmware/drivers/background.py": "ParamSpec, and an exception with OSError's layout",
+    "uav_firmware/modules/estimator/fault_detection/common_gyro_jump.py": "complex numbers",
     "uav_firmware/modules/mavlink/wire/dialect_extensions.py": "inherits from pymavlink's classes",
     "uav_firmware/modules/rotor_loss_control/controller.py": "complex numbers",
     "sim/fault_schedule.py": "its numbers keep the type that a file gives them",
