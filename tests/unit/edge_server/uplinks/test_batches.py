@@ -104,8 +104,10 @@ JSON = st.recursive(
 @pytest.mark.thorough
 @given(JSON)
 def test_whatever_the_cloud_says_is_read_without_an_error(document: object) -> None:
+    """It confirms nothing; what is no JSON, such as Infinity, is no answer of the cloud."""
     body = json.dumps({"results": [document, document]}).encode()
-    assert batches.read(Answer(200, "application/json", body), RECORDS) is None
+    found = batches.read(Answer(200, "application/json", body), RECORDS)
+    assert {classify(one).outcome for one in found or ()} <= {Outcome.NO_CLOUD}
 
 
 @given(st.floats() | st.text() | st.none() | st.integers())
