@@ -1,6 +1,7 @@
 """Requests are served despite many slow clients; over loopback sockets."""
 
 import contextlib
+import select
 import socket
 import ssl
 import subprocess
@@ -203,6 +204,27 @@ def test_the_oldest_idle_connection_is_evicted_for_a_new_one() -> None:
             sock = stack.enter_context(service.connect())
             sock.sendall(GET)
             assert sock.recv(4096) == ANSWER
+
+
+def test_a_connection_that_was_answered_since_the_last_turn_makes_room() -> None:
+    released = threading.Event()
+
+    def serve(exchange: Exchange) -> bool:
+        released.wait(PATIENCE_S)
+        return answer(exchange)
+
+    service = Running(serve, Limits(10, 1, 2**20), 1, None, None)
+    service.service.start()
+    with contextlib.closing(service.service), service.connect() as first:
+        first.sendall(GET)
+        service.service.turn(time.monotonic())
+        released.set()
+        assert first.recv(4096) == ANSWER
+        with service.connect() as second:
+            second.sendall(GET)
+            while not select.select([second], [], [], 0.0)[0]:
+                service.service.turn(time.monotonic())
+            assert second.recv(4096) == ANSWER
 
 
 def test_an_address_cannot_use_up_the_connections_of_others() -> None:
