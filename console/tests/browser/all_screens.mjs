@@ -19,7 +19,7 @@ const SIZES = { desktop: { width: 1280, height: 800 }, phone: { width: 390, heig
 
 async function settled(page) {
   await page.locator("main :is(h1, h2)").first().waitFor({ state: "attached" });
-  await page.locator(".skeleton").waitFor({ state: "detached" });
+  await page.waitForFunction(() => !document.querySelector(".skeleton"));
 }
 
 async function lookAtAll(page) {

@@ -223,11 +223,13 @@ class Flight:
             place = truth.position_ned + self._drift
             place = place + 0.3 * e.gps_position * self._rng.standard_normal(3)
             velocity = truth.velocity_ned + e.gps_velocity * self._rng.standard_normal(3)
-            accuracy = math.hypot(e.gps_drift, 0.3 * e.gps_position)
+            # A receiver that reports 0 does not know its accuracy
+            accuracy = max(1e-3, math.hypot(e.gps_drift, 0.3 * e.gps_position))
+            speed_accuracy = max(1e-3, 1.73 * e.gps_velocity)
             self._underway.append(
                 SensorGps(
                     truth.time_us, 0, *geodetic(place), vector(velocity),
-                    1.41 * accuracy, accuracy, 1.73 * e.gps_velocity, 3, 14, 0.7, 1.1,
+                    1.41 * accuracy, accuracy, speed_accuracy, 3, 14, 0.7, 1.1,
                 )
             )  # fmt: skip
         if self._underway and self._underway[0].time_us + e.gps_delay_us <= truth.time_us:
