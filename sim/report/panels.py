@@ -18,7 +18,7 @@ def height(axes: Axes, flight: Flight) -> None:
         flight.setpoint.values[:, 2],
         color=SETPOINT,
         lw=1.2,
-        label="set-point",
+        label="setpoint",
     )
     axes.plot(
         flight.estimated.time_s,
@@ -58,9 +58,9 @@ def speed(axes: Axes, flight: Flight) -> None:
         np.hypot(wanted[:, 0], wanted[:, 1]),
         color="#9db8dd",
         lw=1.4,
-        label="level, set-point",
+        label="level, setpoint",
     )
-    axes.plot(wanted_s, -wanted[:, 2], color="#f1c39c", lw=1.4, label="up, set-point")
+    axes.plot(wanted_s, -wanted[:, 2], color="#f1c39c", lw=1.4, label="up, setpoint")
     axes.plot(
         time_s, np.hypot(velocity[:, 0], velocity[:, 1]), color=TRUE, lw=1.3, label="level, true"
     )
@@ -74,7 +74,7 @@ def angle(axes: Axes, flight: Flight, index: int) -> None:
     _time_axis(axes, flight)
     name = ("Roll", "Pitch", "Yaw")[index]
     for topic, field, colour, label in (
-        ("vehicle_attitude_setpoint", "q_d", SETPOINT, "set-point"),
+        ("vehicle_attitude_setpoint", "q_d", SETPOINT, "setpoint"),
         ("vehicle_attitude", "q", TRUE, "estimated"),
     ):
         time_s = flight.log.time_s(topic) - flight.armed_at_s
@@ -144,7 +144,7 @@ def tracking(axes: Axes, flight: Flight) -> None:
     )
     axes.plot(error.time_s, error.values[:, 2], color=ESTIMATED, lw=1.2, label="height")
     axes.set(
-        title=f"Truth minus set-point, up to {largest(error.values):.2f} m", ylabel="distance [m]"
+        title=f"Truth minus setpoint, up to {largest(error.values):.2f} m", ylabel="distance [m]"
     )
     legend(axes)
 

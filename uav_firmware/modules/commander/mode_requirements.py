@@ -133,7 +133,7 @@ def _sticks(view: VehicleView) -> str | None:
 
 
 def _setpoints(view: VehicleView) -> str | None:
-    return None if view.offboard_fresh else "No stream of offboard set-points"
+    return None if view.offboard_fresh else "No stream of offboard setpoints"
 
 
 _CHECKS: Final[Mapping[Need, Callable[[VehicleView], str | None]]] = {

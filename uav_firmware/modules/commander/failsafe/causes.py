@@ -309,7 +309,7 @@ ROWS: Final[Mapping[Cause, Row]] = {
         lambda moment: LINK_ACTIONS[moment.params.sticks_loss_action],
     ),
     Cause.OFFBOARD_LOST: Row(
-        "Offboard set-points lost",
+        "Offboard setpoints lost",
         _offboard_lost,
         _offboard_action,
         clears_s=lambda params: 2.0 * params.offboard_loss_s,  # One setpoint is no stream

@@ -11,7 +11,7 @@ from tests.unit.uav_firmware.modules.commander.failsafe.test_machine import (
 )
 from uav_firmware.msg.status import Command
 
-LOST, OVER = "Offboard set-points lost: HOLD", "Offboard set-points lost: over"
+LOST, OVER = "Offboard setpoints lost: HOLD", "Offboard setpoints lost: over"
 
 
 def choose_offboard(vehicle: ToyVehicle) -> None:
