@@ -112,9 +112,9 @@ def delivered(system: System, missions: list[dict[str, Any]], arrived: int) -> b
 def _has_arrived(mission: Mapping[str, Any], records: list[dict[str, Any]]) -> bool:
     mine = [r for r in records if r["body"].get("vehicle_id") == mission["vehicle_id"]]
     reports = [r["body"] for r in mine if r["kind"] == "mission_report"]
-    told = [r for r in reports if r["mission_id"] == mission["mission_id"]]
+    of_mission = [r for r in reports if r["mission_id"] == mission["mission_id"]]
     poses = sum(r["kind"] == "pose" for r in mine)
-    finished = bool(told) and told[-1]["mission_status_id"] == FINISHED
+    finished = bool(of_mission) and of_mission[-1]["mission_status_id"] == FINISHED
     return finished and poses == len(mission["command_array"])
 
 

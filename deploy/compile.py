@@ -62,7 +62,7 @@ LEFT_OUT: Final = {
 """Modules that stay in Python, and why. A path that ends with / stands for a folder."""
 
 # Compiled for any processor of the kind, never -march=native; and a product and a sum are rounded
-# one after the other as the interpreter rounds them: GCC fuses the two on ARM unless it is told.
+# one after the other as the interpreter rounds them: GCC fuses the two on ARM without this option.
 _FLAGS: Final = (
     "-O2", "-DNDEBUG", "-fwrapv", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off", "-w",
     "-pthread", "-fno-plt",

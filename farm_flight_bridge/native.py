@@ -1,4 +1,4 @@
-"""`mypyc_attr`: what mypyc is told of a class, and nothing to the interpreter.
+"""`mypyc_attr`: how mypyc compiles a class; without effect in the interpreter.
 
 `@mypyc_attr(acyclic=True, free_list_len=1)` marks a message, a reading or a state that is made in
 every control step of the autopilot or the simulator:

@@ -119,7 +119,9 @@ class Planner:
         self._subjects = scheduler.random("subjects")
         self._lifetimes = scheduler.random("lifetimes")
         self._count = 0
-        self._places_e7: list[tuple[int, int]] = []  # That plans lead to; the laws tell them apart
+        self._places_e7: list[
+            tuple[int, int]
+        ] = []  # That plans lead to; the laws recognise plans by them
 
     def draw(self) -> DrawnPlan:
         """Draw the next plan."""

@@ -12,7 +12,7 @@ import sqlite3
 from typing import Final, NamedTuple
 
 SHARE: Final = 0.5
-"""Of the archive's budget: tracks and pictures of older flights are worth more than their logs."""
+"""Of the archive's budget: tracks and pictures of older flights matter more than their logs."""
 ABANDONED_S: Final = 86_400.0
 """An incomplete log is deleted so long after its last part."""
 _PARTS: Final = 4  # Deleted per transaction, at most 1 MiB each

@@ -18,7 +18,7 @@ Ring: TypeAlias = Sequence[Point]
 Interval: TypeAlias = tuple[float, float]
 
 SMALLEST_M2: Final = 1.0
-"""Less is not worth a line."""
+"""A shorter line is left out."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,7 +64,7 @@ class Situation(NamedTuple):
     family: Family
     home: Home
     mission_id: int
-    flight: str  # Tells apart missions of one number
+    flight: str  # Distinguishes missions of one number
     own_system: int  # The broker's, whose target a vehicle follows
     own_component: int  # With it, who controls a gimbal live
     refused: frozenset[int]  # MAV_CMD that this vehicle refused as mission items

@@ -270,7 +270,7 @@ _ACTIVITIES: Final[Mapping[ModeRole, str]] = {
 def activity(vehicle: Vehicle) -> str | None:
     """Name what the vehicle does in the edge server's terms; None: its modes are not known.
 
-    A vehicle that was told to hold and flies its mission on has not obeyed yet.
+    A vehicle that was ordered to hold and flies its mission on has not obeyed yet.
     """
     if not vehicle.snapshot.armed:
         return "on_ground"

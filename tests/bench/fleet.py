@@ -35,7 +35,7 @@ _LATE: Final = re.compile(r"vehicle \d+ +([0-9.]+) s  (\d+) of the last (\d+) st
 
 
 def late_steps(log: str, since_s: float) -> int:
-    """Count the late steps that a vehicle told of after `since_s` of its time."""
+    """Count the late steps that a vehicle reported after `since_s` of its time."""
     return sum(int(late) for moment, late, _ in _LATE.findall(log) if float(moment) >= since_s)
 
 

@@ -4,7 +4,7 @@ Ten times a second, from take-off on, each error against the truth is held again
 the standard deviation that the estimator gives it, and each innovation against three times its
 expected deviation. What counts is the share of the time within. Position is judged with the
 accuracies that are published, since most of a receiver's error wanders over minutes and no
-filter can tell; velocity and attitude with the covariance alone. Of a group of innovations
+filter knows; velocity and attitude with the covariance alone. Of a group of innovations
 (north, east and down of a fix) the worst component counts.
 """
 

@@ -224,7 +224,7 @@ def measure() -> Iterator[Result]:
 
 
 def _fly(job: tuple[int, int]) -> tuple[int, Figures | None]:
-    """One flight; one that does not come to its end is told of and counted, and has no figures."""
+    """One flight; one that does not come to its end is reported and counted, and has no figures."""
     number, seed = job
     try:
         return number, FLIGHTS[number].fly(seed)

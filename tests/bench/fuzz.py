@@ -20,7 +20,7 @@ HOLD_S: Final = 20.0
 
 
 def under_fire(frames: int, *, is_signed: bool) -> bool:
-    """Fly in peace and under fire, tell how it went; whether the flights were the same."""
+    """Fly with and without hostile frames, print both; return whether the flights were the same."""
     with tempfile.TemporaryDirectory() as folder:
         calm = fly(Path(folder), 0, is_signed=is_signed, hold_s=HOLD_S)
     began = time.monotonic()

@@ -87,13 +87,15 @@ def _idle_share(system: FarmSystem) -> Iterator[Result]:
 
 def _telemetry_latency(system: FarmSystem, tap: Wiretap) -> Iterator[Result]:
     """From the moment in which a position leaves the vehicle until the cloud has its vector."""
-    told = [(moment, place_of(body)) for moment, number, body in tap.passed if number == POSITION]
+    reported = [
+        (moment, place_of(body)) for moment, number, body in tap.passed if number == POSITION
+    ]
     latencies = []
     for record in system.cloud("/state_vector"):
         vector = record["body"]
         made_at = datetime.fromisoformat(vector["recorded_at"]).timestamp()
         place = (vector["latitude"], vector["longitude"], vector["altitude"])
-        left_at = max(moment for moment, known in told if moment <= made_at and known == place)
+        left_at = max(moment for moment, known in reported if moment <= made_at and known == place)
         latencies.append(record["received_at"] - left_at)
     for percent, bar in ((50, 50.0), (99, 250.0)):
         value = percentile(latencies, percent) * 1e3

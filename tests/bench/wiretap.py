@@ -75,4 +75,4 @@ class Wiretap:
                 if self._vehicle is not None:
                     self._vehicle_side.sendto(datagram, self._vehicle)
         except ConnectionRefusedError:
-            return  # The other side is not up yet; UDP tells so on the next call.
+            return  # The other side is not up yet; UDP reports it on the next call.

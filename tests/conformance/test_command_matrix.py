@@ -80,8 +80,8 @@ def airborne(folder: Path) -> Lockstep:
 
 def home(station: Lockstep) -> tuple[int, int, float]:
     """Latitude and longitude times 1e7, altitude above mean sea level [m]."""
-    told = station.newest["HOME_POSITION"]
-    return told.latitude, told.longitude, told.altitude / 1e3
+    message = station.newest["HOME_POSITION"]
+    return message.latitude, message.longitude, message.altitude / 1e3
 
 
 def long(number: int, parameters: tuple[float, ...]) -> Any:

@@ -78,7 +78,7 @@ def test_a_take_off_is_reached_and_held(client: Client) -> None:
 
 
 def test_a_place_50_m_away_is_reached_and_held(flying: Client) -> None:
-    """Within 2 m in 60 s, then within 2 m for 10 s, looking where it was told to."""
+    """Within 2 m in 60 s, then within 2 m for 10 s, looking in the ordered direction."""
     pilot = flying.pilot
     began_s = pilot.time_s
     flying.action.goto_location(*place(40.0, 30.0), amsl_m(flying, 10.0), 90.0)

@@ -133,8 +133,8 @@ def test_the_parameters_are_described(client: Client) -> None:
     client.metadata.request_autopilot_component()
     while (update := updates.get(timeout=PATIENCE_S)).type != MetadataType.PARAMETER:
         assert update.type != MetadataType.ALL_COMPLETED
-    told = {each["name"]: each for each in json.loads(update.json_metadata)["parameters"]}
-    height = told["MIS_TAKEOFF_ALT"]
+    described = {each["name"]: each for each in json.loads(update.json_metadata)["parameters"]}
+    height = described["MIS_TAKEOFF_ALT"]
     assert (height["type"], height["units"], height["default"]) == ("Float", "m", 2.5)
     assert height["min"] < height["default"] < height["max"]
 

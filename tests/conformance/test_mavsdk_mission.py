@@ -20,7 +20,7 @@ from tests.support.system import wait_for
 pytestmark = pytest.mark.scenario
 
 SYSTEM = 7
-SPEED = 2  # A target that MAVSDK tells of each second is not to go stale between
+SPEED = 2  # The target that MAVSDK sends each second must not expire in between
 FOLLOWING_M = 8.0
 EAST_M = 18.0  # Where vehicle 7 stands
 TAKEOFF, WAYPOINT, RETURN, RALLY = 22, 16, 20, 5100
@@ -194,7 +194,7 @@ def test_a_plan_of_qgroundcontrol_is_imported_and_comes_back(
 
 @contextmanager
 def reporting_position(client: Client, north_m: float, east_m: float) -> Iterator[None]:
-    """Tell where the target is, some times a second.
+    """Send where the target is, some times a second.
 
     MAVSDK takes the heartbeat of any component for the vehicle's, so that the camera's makes it
     believe for a moment that the vehicle does not follow: it then refuses, and sends nothing.

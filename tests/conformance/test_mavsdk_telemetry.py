@@ -46,7 +46,7 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
 
 
 class Stream(NamedTuple):
-    """One stream, how it is asked for, and what it tells of a vehicle 8 m above home."""
+    """One stream, how it is asked for, and what it reports of a vehicle 8 m above home."""
 
     name: str
     is_so: Callable[[Any], bool]

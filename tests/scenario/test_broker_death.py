@@ -43,7 +43,7 @@ MIXED = (
 
 
 def test_a_mission_is_flown_once_though_the_broker_dies_eight_times(tmp_path: Path) -> None:
-    """Each command is ordered once, told once, and the vehicle is where it took off in the end."""
+    """Each command is ordered and reported once, and the vehicle ends where it took off."""
     flown = eleven_commands()
     commands = flown["command_array"]
     flown["command_array"] = [c for c in commands if c["command_type_id"] not in LONG]

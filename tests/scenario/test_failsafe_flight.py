@@ -393,7 +393,7 @@ def test_a_full_disk_is_reported_and_neither_prevents_nor_ends_a_flight(
 
 
 def test_a_vehicle_tilted_beyond_its_limits_reports_it(tmp_path: Path) -> None:
-    """Hard on its side: told, while the controllers right it."""
+    """Hard on its side: reported, while the controllers right it."""
     tester = vehicle(tmp_path)
     tester.autopilot.registry.set("FD_FAIL_R", 30.0)
     tester.autopilot.registry.set("FD_FAIL_P", 30.0)

@@ -91,5 +91,5 @@ def test_an_abort_to_a_place_outside_lands_where_the_vehicle_is(tmp_path: Path) 
     north, east, _ = world.place
     assert min(north, east) > -10
     assert max(north, east) < 20
-    told = [answer.get("message") or "" for answer in world.edge.acknowledgements(event)]
-    assert any("outside geofence.inclusion" in message for message in told)
+    messages = [answer.get("message") or "" for answer in world.edge.acknowledgements(event)]
+    assert any("outside geofence.inclusion" in message for message in messages)

@@ -114,18 +114,18 @@ def test_the_landing_error_is_the_true_one(flown: Run) -> None:
     track = read_track(flown.out / "vehicle-1" / "truth.csv")
     first, last = track[0], track[-1]
     error_m = horizontal_distance_m(last, first.latitude_deg, first.longitude_deg)
-    told = float(cells(flown.html, "Landing point error")[1].removesuffix(" m"))
-    assert told == pytest.approx(error_m, abs=0.02)
-    assert told < 1.0
+    reported = float(cells(flown.html, "Landing point error")[1].removesuffix(" m"))
+    assert reported == pytest.approx(error_m, abs=0.02)
+    assert reported < 1.0
 
 
 def test_the_picture_shows_the_world_as_it_is_there(flown: Run) -> None:
     """What the farm's maps and the true track say that the camera must have seen."""
     (path,) = (flown.out / "vehicle-1" / "image").glob("*.jpg")
-    told = georeference(path)
-    north, east = told.offset_m(WAYPOINT[0], WAYPOINT[1])
+    reported = georeference(path)
+    north, east = reported.offset_m(WAYPOINT[0], WAYPOINT[1])
     assert math.hypot(north, east) < 1.5
-    assert told.height_m == pytest.approx(WAYPOINT[2], abs=1.0)
+    assert reported.height_m == pytest.approx(WAYPOINT[2], abs=1.0)
     gps = log_of(flown).get_dataset("vehicle_gps_position").data
     boot_utc_s = (
         float((gps["time_utc_usec"] - gps["timestamp"])[gps["time_utc_usec"] > 0][0]) * 1e-6
@@ -177,8 +177,8 @@ def test_every_topic_of_the_flight_is_in_the_log(flown: Run) -> None:
 
 
 def test_the_estimate_in_the_log_is_near_the_truth(flown: Run) -> None:
-    told = cells(flown.html, "Estimate error, level")[1]
-    assert 0.0 < float(told.split(" m RMS")[0]) < 0.6
+    reported = cells(flown.html, "Estimate error, level")[1]
+    assert 0.0 < float(reported.split(" m RMS")[0]) < 0.6
     height = cells(flown.html, "3-D distance flown; greatest height")[1]
     track = read_track(flown.out / "vehicle-1" / "truth.csv")
     highest_m = max(position.height_above_home_m for position in track)

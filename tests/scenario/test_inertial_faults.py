@@ -144,7 +144,7 @@ def test_an_accelerometer_that_drifts_is_given_up_and_the_vehicle_lands_where_it
 def test_one_instance_of_each_sensor_may_fail_and_nothing_is_felt(
     tmp_path: Path, lines: tuple[str, ...]
 ) -> None:
-    """Each is told once, by its own name; nothing is flown differently; it does not arm again."""
+    """Each is reported once, by its name; nothing is flown differently; it does not arm again."""
     hover = Hover(tmp_path)
     for line in lines:
         hover.break_now(line)

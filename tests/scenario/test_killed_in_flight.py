@@ -50,5 +50,5 @@ def test_everything_is_known_once_they_are_back(victims: tuple[str, ...], tmp_pa
         system.wait_until_delivered()
         assert len(system.cloud("/pose")) == len(system.cloud("/battery")) == 3
         started = system.log_of("broker").count("ARMING, ARMED")
-        assert started == 1, "the vehicle was told to start once"
+        assert started == 1, "the vehicle was ordered to start once"
         wait_for(lambda: not records(), "the vehicle's own height limit")

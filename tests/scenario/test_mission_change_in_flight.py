@@ -69,7 +69,7 @@ def test_a_new_mission_is_flown_at_once_from_its_first_item(tmp_path: Path) -> N
     assert tester.is_in(NavigationState.AUTO_MISSION)
     assert min(lowest_m) > HEIGHT_M - 1.5
     tester.wait_until(
-        lambda: set(tester.ground_station.items_reached) == {0, 1, 2}, 10.0, "told every item"
+        lambda: set(tester.ground_station.items_reached) == {0, 1, 2}, 10.0, "every item reported"
     )
 
 
@@ -108,7 +108,7 @@ def test_a_fence_that_excludes_the_stored_mission_is_reported_and_stops_its_star
     fence.mission_type = common.MAV_MISSION_TYPE_FENCE
     tester.upload([fence])
     texts = tester.ground_station.texts
-    tester.wait_until(lambda: "geofence" in "".join(texts), 5.0, "told of the fence")
+    tester.wait_until(lambda: "geofence" in "".join(texts), 5.0, "the fence reported")
     assert "Mission cannot be flown: item 2" in "".join(texts)
     answers = tester.ground_station.acks
     answers.clear()

@@ -1,4 +1,4 @@
-"""The running programs: the edge server dies, then the broker that had much to tell it."""
+"""The running programs: the edge server dies, then the broker that had many reports for it."""
 
 import struct
 from pathlib import Path

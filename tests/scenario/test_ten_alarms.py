@@ -20,7 +20,7 @@ AFTERWARDS_S = 6.0
 
 
 class Case(NamedTuple):
-    """What is broken by which line, and as what it is told."""
+    """What is broken by which line, and as what it is reported."""
 
     order: str
     code: AlarmCode

@@ -129,11 +129,11 @@ def test_a_mission_is_flown_to_its_end(world: World) -> None:
     assert not world.is_armed
     for kind in ("/pose/", "/battery/"):
         assert len(world.edge.bodies(kind)) == 3
-    told = [
+    states = [
         [command["command_status_id"] for command in report["command_report_array"]]
         for report in world.edge.reports(FLIGHT)
     ]
-    assert all(list(of_one) == sorted(of_one) for of_one in zip(*told, strict=True)), told
+    assert all(list(of_one) == sorted(of_one) for of_one in zip(*states, strict=True)), states
 
 
 def test_an_abort_ends_what_runs_and_brings_the_vehicle_down(world: World) -> None:

@@ -334,10 +334,10 @@ def _judge_cloud(farm: Farm, records: list[dict[str, Any]]) -> list[str]:
             reports[body["mission_id"]].append(body["mission_status_id"])
     for number, plan_id in farm.record.missions.items():
         (mission,) = farm.system.get(f"/plans/{plan_id}")["missions"]
-        status, told = mission["mission_status_id"], reports[number]
-        terminal = [each for each in told if each >= TERMINAL]
-        if len(terminal) > 1 or (terminal and told[-1] != terminal[0]):
-            broken.append(f"mission {number}: the cloud was told {told}")
+        status, statuses = mission["mission_status_id"], reports[number]
+        terminal = [each for each in statuses if each >= TERMINAL]
+        if len(terminal) > 1 or (terminal and statuses[-1] != terminal[0]):
+            broken.append(f"mission {number}: the cloud received {statuses}")
         if terminal and terminal[0] != status:
             broken.append(f"mission {number}: {status} on the farm, {terminal[0]} in the cloud")
     return broken

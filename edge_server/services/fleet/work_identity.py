@@ -42,7 +42,7 @@ def check(
     """Check that an acknowledgement is of this work; `ends` if it says that the work is done.
 
     An older broker repeats no identity. Its answer to an event is valid if the event was handed
-    out. A shared database does not tell that; there such an answer cannot end a queued event.
+    out. A shared database does not show that; there such an answer cannot end a queued event.
 
     Raises:
         ConflictError: if it is of other work of the same number.

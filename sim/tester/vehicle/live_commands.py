@@ -22,7 +22,7 @@ PANORAMA: Final = 2800
 
 FOLLOWED_S: Final = 61.0
 """A little more than the broker follows or tracks."""
-_RELATIVE: Final = frozenset({3, 6})  # MAV_FRAME_GLOBAL_RELATIVE_ALT, and its integer twin
+_RELATIVE: Final = frozenset({3, 6})  # MAV_FRAME_GLOBAL_RELATIVE_ALT, and its integer form
 _E7: Final = 1e7
 _CIRCLE_POINTS: Final = 54
 _CIRCLE_STEP_DEG: Final = 8.0

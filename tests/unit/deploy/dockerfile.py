@@ -58,7 +58,7 @@ class Stage:
 
     @property
     def installed(self) -> set[str]:
-        """Packages that pip is told to install."""
+        """Packages that pip has to install."""
         (line,) = (line for line in self.all("RUN") if " install " in line)
         words = line.split("&&", maxsplit=1)[0].split(" install ", 1)[1].split()
         return {word.strip('"') for word in words if not word.startswith("--")}

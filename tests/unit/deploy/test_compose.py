@@ -257,9 +257,11 @@ def test_the_readme_tells_every_variable_and_none_that_does_not_exist() -> None:
     )
     assert table is not None
     rows = re.findall(r"^\| (`[^|]+) \| ([^|]+) \|", table[0], re.MULTILINE)
-    told = [(re.findall(r"`([A-Z_]+)`", names), default.split(", ")) for names, default in rows]
-    assert {name for names, _ in told for name in names} == set(defaults)
-    for names, values in told:
+    documented = [
+        (re.findall(r"`([A-Z_]+)`", names), default.split(", ")) for names, default in rows
+    ]
+    assert {name for names, _ in documented for name in names} == set(defaults)
+    for names, values in documented:
         for name, value in zip(names, values * len(names), strict=False):
             shown = {"none": "", "deploy/secrets": "./secrets"}.get(
                 value.strip("`"), value.strip("`")

@@ -1,4 +1,4 @@
-"""The images hold what their programs need, and nothing tells where a machine or an index is."""
+"""The images hold what their programs need, and nothing names a machine or an index."""
 
 import ast
 import re

@@ -17,7 +17,7 @@ HEADER = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when ret
 
 
 class Answer(BaseHTTPRequestHandler):
-    """Answers /readyz as it is told to, and everything else with 404."""
+    """Answers /readyz as the test chooses, and everything else with 404."""
 
     status = 200
 

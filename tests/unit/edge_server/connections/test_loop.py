@@ -446,7 +446,7 @@ def test_a_client_that_expects_100_continue_receives_it() -> None:
 
 
 class Numbers:
-    """A stream of numbered lines, each as long as is asked for; it ends when it is told to."""
+    """A stream of numbered lines, each as long as is asked for; it ends when the test chooses."""
 
     def __init__(self, length: int) -> None:
         self._length = length

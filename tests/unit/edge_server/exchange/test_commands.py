@@ -181,8 +181,8 @@ def test_a_bare_waypoint_on_the_circle_is_its_beginning() -> None:
     begin = simple(16, 0, 0, 0, None, *west)
     circle = at(34, 15, 3, 0, math.tau)
     assert [parameters["start_point"] for _, parameters in commands(begin, circle)] == [2]
-    told = simple(16, 0, 2, 0, None, *west)
-    assert [kind for kind, _ in commands(told, circle)] == [3, 7]
+    with_hold = simple(16, 0, 2, 0, None, *west)
+    assert [kind for kind, _ in commands(with_hold, circle)] == [3, 7]
 
 
 @given(spacing=st.floats(3.0, 40.0), length=st.floats(1.0, 300.0), bend=st.floats(-200.0, 200.0))
@@ -273,7 +273,7 @@ def test_an_item_without_a_command_is_refused_with_number_and_reason() -> None:
     assert failures(check_refused, CASES) == []
 
 
-def test_all_refusals_are_told_at_once() -> None:
+def test_all_refusals_are_named_at_once() -> None:
     assert set(refusal(simple(177), at(16), at(201))) == {"mission.items.1", "mission.items.3"}
 
 
@@ -304,10 +304,10 @@ def test_every_item_is_translated_warned_of_or_refused(items: list[dict[str, Any
     }
     if found is None:
         return
-    told = set(found.paths) | {warning.path for warning in found.warnings}
+    named = set(found.paths) | {warning.path for warning in found.warnings}
     silent = {115, 178, 93, 1000, 205, 206, 17, 16}  # They belong to the command next to them
     for index, item in enumerate(items, start=1):
-        assert f"mission.items.{index}" in told or item["command"] in silent
+        assert f"mission.items.{index}" in named or item["command"] in silent
 
 
 def taken(items: list[dict[str, Any]]) -> tuple[Translated | None, tuple[Fault, ...]]:

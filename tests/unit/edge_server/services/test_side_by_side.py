@@ -195,14 +195,14 @@ def test_an_end_that_is_reported_twice_at_once_is_told_once(servers: list[Contex
         report = read(Kind.MISSION_REPORT, body)
         assert isinstance(report, Report)
 
-        def tell(context: Context, number: int, said: Report = report) -> Any:
+        def send(context: Context, number: int, said: Report = report) -> Any:
             if number == 0:
                 return telemetry.ingest(context, Kind.MISSION_REPORT, said, BROKER)["message_id"]
             arrival = Arrival(Kind.MISSION_REPORT, said, None)
             (answer,) = telemetry.ingest_all(context, [arrival], BROKER.owner)
             return answer["message_id"] if isinstance(answer, dict) else answer
 
-        assert len(set(at_once(servers, tell, times=2))) == 1
+        assert len(set(at_once(servers, send, times=2))) == 1
     assert rows(servers[0], "SELECT count(*) FROM outbox") == ROUNDS
 
 

@@ -1,4 +1,4 @@
-"""Within the disk budget: what is thinned, refused and dropped, and that all of it is told."""
+"""Within the disk budget: what is thinned, refused and dropped, and that all of it is reported."""
 
 import base64
 import json
@@ -88,7 +88,7 @@ class Farm:
 
     def check_declared(self) -> None:
         """Whatever is not here any more lies in a gap of its stream, and the counts agree."""
-        told: dict[str, int] = {}
+        reported: dict[str, int] = {}
         for kind in set(self.message_ids.values()):
             here = {body["message_id"] for body in self.here(kind)}
             lost = {key for key, of in self.message_ids.items() if of == kind} - here
@@ -96,11 +96,11 @@ class Farm:
             assert sum(gap["count"] for gap in found) == len(lost)
             for key in lost:
                 assert any(g["from_message_id"] <= key <= g["to_message_id"] for g in found), key
-            told[kind] = len(lost)
+            reported[kind] = len(lost)
         counted: dict[str, int] = {}
         for kind, _, number in self.dropped:
             counted[kind] = counted.get(kind, 0) + number
-        assert counted == {kind: number for kind, number in told.items() if number}
+        assert counted == {kind: number for kind, number in reported.items() if number}
 
 
 @pytest.fixture
@@ -428,6 +428,6 @@ def test_how_full_it_is_is_told_once(farm: Farm, caplog: pytest.LogCaptureFixtur
     for _ in range(5):
         farm.turn()
         fill(farm, "pose", Level.THINNING)
-    told = [record.getMessage() for record in caplog.records if "disk budget" in record.message]
-    assert len(told) == 1
-    assert "80 %" in told[0]
+    warnings = [record.getMessage() for record in caplog.records if "disk budget" in record.message]
+    assert len(warnings) == 1
+    assert "80 %" in warnings[0]

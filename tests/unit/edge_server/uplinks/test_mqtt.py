@@ -44,7 +44,7 @@ def uplink_to(url: str, folder: Path) -> Iterator[MqttUplink]:
 
 @contextmanager
 def stranger(speak: Callable[[socket.socket], None]) -> Iterator[str]:
-    """Listen, and treat each connection as told."""
+    """Listen, and treat each connection as the test chooses."""
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def serve() -> None:

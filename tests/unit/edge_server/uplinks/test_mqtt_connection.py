@@ -1,4 +1,4 @@
-"""Who we are to the broker, and what of it is told when it cannot be read."""
+"""Who we are to the broker, and what is reported of it when it cannot be read."""
 
 from pathlib import Path
 

@@ -145,7 +145,7 @@ class TestAVehicleThatAcceptsAModeBeforeItRefusesIt:
 
 class TestAVehicleThatTakesOffAsItsMissionEnds:
     def test_is_sent_home_as_soon_as_it_shows(self) -> None:
-        """It refuses to be disarmed in the air, and its heartbeat tells of it up to 1 s later."""
+        """It refuses to be disarmed in the air, and its heartbeat shows it up to 1 s later."""
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(PX4_1_17, item_time_s=30.0))
         world.edge.plan(first_flight())

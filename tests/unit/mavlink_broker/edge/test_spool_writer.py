@@ -92,7 +92,7 @@ def test_every_post_is_sent_once_and_in_order(acts: list[str]) -> None:
     sent: dict[str, int] = {}  # Number by key, in the order of sending
     put: list[tuple[str, int]] = []
 
-    def tell(one: Post | None) -> None:
+    def note(one: Post | None) -> None:
         if one is not None:
             sent.setdefault(str(one.idempotency_key), one.body["sequence_number"])
 
@@ -104,7 +104,7 @@ def test_every_post_is_sent_once_and_in_order(acts: list[str]) -> None:
                     run.spool.database.close()
                     run = Run(Path(folder))
                 case "answer":
-                    tell(run.answer())
+                    note(run.answer())
                 case "fail":
                     run.fail()
                 case "look":
@@ -115,7 +115,7 @@ def test_every_post_is_sent_once_and_in_order(acts: list[str]) -> None:
                     run.fail()
                     run.look()
         for one in run.left():
-            tell(one)
+            note(one)
         run.spool.database.close()
     assert len(sent) == len(put)
     for lane in LANES:

@@ -50,7 +50,7 @@ def test_a_mission_that_waits_for_a_held_vehicle_ends_the_demo() -> None:
         require_free([{"mission_id": 1}, {"mission_id": 2, "waiting": held}])
 
 
-class Told:
+class Cloud:
     """An edge server that keeps nothing, and a cloud that holds these records."""
 
     def __init__(self, records: list[dict[str, Any]]) -> None:
@@ -77,9 +77,9 @@ def test_a_flight_is_delivered_with_its_last_picture_and_not_before() -> None:
         *({"kind": "image", "body": {"vehicle_id": 1}} for _ in range(7)),
     ]
     lacks = "the cloud holds 7 image records of vehicle 1, not 8"
-    assert undelivered(Told(records), [mission], 0) == lacks
+    assert undelivered(Cloud(records), [mission], 0) == lacks
     records.append({"kind": "image", "body": {"vehicle_id": 1}})
-    assert undelivered(Told(records), [mission], 0) is None
+    assert undelivered(Cloud(records), [mission], 0) is None
 
 
 def test_without_pictures_nothing_is_said(tmp_path: Path) -> None:

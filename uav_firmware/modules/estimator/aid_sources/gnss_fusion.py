@@ -31,7 +31,7 @@ _LEAST_CHANGE_M_S: Final = 1.0  # [m/s] Noise of a receiver
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GpsRequirements:
-    """What a fix must be worth to be used."""
+    """How good a fix must be to be used."""
 
     satellites: int  # [-] At least
     horizontal_accuracy_m: float  # [m] At most, one sigma

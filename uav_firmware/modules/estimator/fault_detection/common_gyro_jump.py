@@ -21,7 +21,7 @@ The jump is proved when what (1) leaves is no more than noise, and what each of 
 several times that, for some fixes on end; a test of likelihood ratios (A. S. Willsky and H. L.
 Jones, IEEE Trans. Automatic Control 21, 1976). A velocity of the receiver that drifts by itself is
 contradicted by its position. A receiver whose velocity and position drift in agreement and in the
-form of (1) is not told apart.
+form of (1) is not distinguished.
 """
 
 import math

@@ -220,11 +220,11 @@ def test_who_listens_hears_again_after_the_server_was_away(
 
 
 def _hears(database: Database, heard: list[str]) -> Callable[[], bool]:
-    def tell() -> bool:
+    def answer() -> bool:
         database.announce(Topic.DUE)
         return Topic.DUE in heard
 
-    return tell
+    return answer
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])

@@ -30,10 +30,10 @@ def frame(folder: Path, number: int, north_m: float = 0.0, *, is_end: bool = Fal
 
 
 def test_a_film_shows_what_moves_past_below(tmp_path: Path) -> None:
-    studio = VideoFiles()
+    files = VideoFiles()
     for number in range(3):
-        studio.take(frame(tmp_path, number, 30.0 * number))
-    studio.take(frame(tmp_path, 3, is_end=True))
+        files.take(frame(tmp_path, number, 30.0 * number))
+    files.take(frame(tmp_path, 3, is_end=True))
     _, jpegs = played((tmp_path / "film.avi").read_bytes())
     pictures = [np.asarray(Image.open(io.BytesIO(jpeg))).astype(float) for jpeg in jpegs]
     assert [picture.shape for picture in pictures] == [(120, 160, 3)] * 3
@@ -41,12 +41,12 @@ def test_a_film_shows_what_moves_past_below(tmp_path: Path) -> None:
 
 
 def test_where_a_frame_is_missing_the_one_before_it_stands(tmp_path: Path) -> None:
-    studio = VideoFiles()
+    files = VideoFiles()
     shown = [frame(tmp_path, number, 30.0 * number) for number in range(2)]
     grown = [
-        studio.take(shown[0]),
-        studio.take(replace(shown[1], place=3)),
-        studio.take(replace(shown[1], place=6, is_end=True)),
+        files.take(shown[0]),
+        files.take(replace(shown[1], place=3)),
+        files.take(replace(shown[1], place=6, is_end=True)),
     ]
     content = (tmp_path / "film.avi").read_bytes()
     _, jpegs = played(content)
@@ -56,9 +56,9 @@ def test_where_a_frame_is_missing_the_one_before_it_stands(tmp_path: Path) -> No
 
 
 def test_every_byte_is_counted(tmp_path: Path) -> None:
-    studio = VideoFiles()
+    files = VideoFiles()
     first, second, end = (
-        studio.take(frame(tmp_path, number, is_end=number == 2)) for number in range(3)
+        files.take(frame(tmp_path, number, is_end=number == 2)) for number in range(3)
     )
     assert (first.files, second.files, end.files) == (1, 0, 0)
     size = (tmp_path / "film.avi").stat().st_size
@@ -73,9 +73,9 @@ def test_a_film_that_exists_is_not_written_over(tmp_path: Path) -> None:
 
 
 def test_what_is_left_open_is_ended(tmp_path: Path) -> None:
-    studio = VideoFiles()
-    studio.take(frame(tmp_path, 0))
-    studio.close()
+    files = VideoFiles()
+    files.take(frame(tmp_path, 0))
+    files.close()
     lists, jpegs = played((tmp_path / "film.avi").read_bytes())
     assert len(jpegs) == 1
     assert "idx1" in lists

@@ -173,7 +173,7 @@ def test_a_wrong_declination_is_found_in_flight(declination_deg: float) -> None:
 @pytest.mark.parametrize("heading", [0.0, 1.5, 3.1, -2.0])
 def test_any_heading_is_found_at_rest(heading: float) -> None:
     rig = Rig()
-    # At rest a bias of the accelerometer cannot be told from tilt: 0.02 m/s^2 are 0.12 degrees.
+    # At rest a bias of the accelerometer looks like tilt: 0.02 m/s^2 are 0.12 degrees.
     sensors = replace(Errors(), accel_bias=0.02)
     flight = Flight(2, heading=heading, start_s=100.0, errors=sensors)
     errors, _ = fly(flight, rig, 10.0, from_s=9.0)

@@ -15,7 +15,7 @@ from uav_firmware.msg.status import LandDetected, LandedState
 METRES_PER_DEGREE = (111_050.0, 84_870.0)  # Near 40.44 N; half a per mille is enough here
 TILT_SIGMA = math.hypot(4e-3, 1e-3)
 """[rad] Per axis: at rest neither the accelerometer's turn-on bias (4 mg) nor the gravity that
-its misalignment (0.1 %) lets into a level axis can be told from a tilt."""
+its misalignment (0.1 %) lets into a level axis can be distinguished from a tilt."""
 
 
 def vehicle(seed: int, noise_factor: float, heading_deg: float = 0.0) -> JsbsimVehicle:
