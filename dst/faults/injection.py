@@ -253,8 +253,10 @@ class Faults:
             vehicle.reboot()
 
     def _add_twin(self, random: Random) -> None:
-        """Have another aircraft with the system id of one on the network for a while."""
+        """Have another aircraft with the system id of one that is on, for a while."""
         world, system = self._world, random.choice(list(self._world.vehicles))
+        if not world.vehicles[system].is_on:
+            return
         world.scheduler.note("faults", f"vehicle {system}", "another with its system id")
         world.add_twin(system)
         self._later(random.expovariate(1.0 / 20.0), partial(world.remove_twin, system))
@@ -267,7 +269,13 @@ class Faults:
         if isinstance(vehicle, Vehicle) and is_idle:
             self._world.scheduler.note("faults", f"vehicle {system}", "another aircraft")
             vehicle.switch_off()
-            self._world.scheduler.after(SWAP_S, vehicle.swap)
+
+            def arrive() -> None:
+                vehicle.swap()
+                if self._world.is_break:
+                    vehicle.switch_off()
+
+            self._world.scheduler.after(SWAP_S, arrive)
 
     def _reboot_in_flight(self, random: Random) -> None:
         vehicles = self._world.vehicles

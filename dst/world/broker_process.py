@@ -328,7 +328,7 @@ class BrokerProcess:
             if pause is Pause.NONE:
                 self._await_work(start, seen, self._scheduler.now_s + LONG_POLL_S)
             else:
-                self._scheduler.after(RETRY_WORK_S, lambda: self._poll(start))
+                self._scheduler.after(self._period(RETRY_WORK_S), lambda: self._poll(start))
 
         self._http.exchange(
             *("GET", poll.path.partition("&wait=")[0] + "&wait=0", None),

@@ -101,6 +101,8 @@ class World:
         """Called when the edge server has taken an event of the operator."""
         self.connected_s = dict.fromkeys(range(1, vehicles + 1), 0.0)
         """Since when broker and link of each vehicle are up, or were for the last time."""
+        self.is_break = False
+        """Whether every vehicle stays switched off, until the next shift."""
         self.up: dict[int, NetworkPath] = {}
         self.down: dict[int, NetworkPath] = {}
         families_drawn = self.scheduler.random("families")
@@ -163,9 +165,10 @@ class World:
 
     def switch_off(self) -> None:
         """Switch every vehicle off; call it while none flies."""
-        for vehicle in self.vehicles.values():
+        for vehicle in (*self.vehicles.values(), *self.twins.values()):
             vehicle.switch_off()
         self.edge.housekeeping_s = BREAK_HOUSEKEEPING_S
+        self.is_break = True
 
     def switch_on(self) -> None:
         """Switch every vehicle on."""
@@ -173,6 +176,7 @@ class World:
             vehicle.switch_on()
             self.connected(system)
         self.edge.housekeeping_s = HOUSEKEEPING_S
+        self.is_break = False
 
     def connected(self, system: int) -> None:
         """Note that a vehicle's link or the broker is up again."""
