@@ -1,9 +1,9 @@
 """`python -m deploy.health PROGRAM`: is the program of this container well? 0 yes, 1 no and why.
 
 It asks each program where an outsider can see that it works, not merely that it lives: an HTTP
-server for an answer, the relay for its lock or its database server, and who speaks MAVLink
-whether it empties its socket. Only the standard library is loaded, since it is asked every few
-seconds.
+server for an answer, the relay for its lock and when its loop ran last, or for its database server,
+and who speaks MAVLink whether it empties its socket. Only the standard library is loaded, since it
+is asked every few seconds.
 
 UnwellError  the program does not do its work; the message says what is wrong
 """
@@ -13,7 +13,9 @@ import http.client
 import os
 import socket
 import ssl
+import struct
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -22,6 +24,10 @@ from urllib.parse import urlsplit
 TIMEOUT_S: Final = 4.0
 UNREAD_BYTES: Final = 128 * 1024
 """What a program that reads its socket fifty times a second never leaves there."""
+STALLED_AFTER_S: Final = 60.0
+"""After so long without a turn of its loop a relay hangs, as `/readyz` and the metrics say too."""
+_RAN_AT: Final = struct.Struct("=120sd")
+"""The note in the relay's lock file: a name, and the monotonic time of the loop's last turn [s]."""
 _OK: Final = 200
 _UDP_TABLES: Final = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 _TCP_TABLES: Final = (Path("/proc/net/tcp"), Path("/proc/net/tcp6"))
@@ -102,6 +108,20 @@ def look_at_lock(path: Path) -> None:
     raise UnwellError(f"nobody holds {path}")
 
 
+def look_at_loop(path: Path) -> None:
+    """Raise UnwellError if the relay that holds this lock file has not run its loop for long.
+
+    A relay that hangs keeps its lock. One without a note, as on a full disk, is trusted.
+    """
+    content = path.read_bytes()[: _RAN_AT.size]
+    if len(content) < _RAN_AT.size:
+        return
+    name, ran_at_s = _RAN_AT.unpack(content)
+    passed_s = time.monotonic() - ran_at_s
+    if name.rstrip(b"\0") == b"ran_at" and passed_s > STALLED_AFTER_S:
+        raise UnwellError(f"its loop has not run for {passed_s:.0f} s")
+
+
 def _edge_server(environment: Environment) -> None:
     port = int(environment.get("EDGE_PORT") or 8000)
     if environment.get("EDGE_TLS_CLIENT_CA_FILE"):
@@ -118,7 +138,9 @@ def _relay(environment: Environment) -> None:
     if url := environment.get("DATABASE_URL"):
         look_at_connection(urlsplit(url).port or _POSTGRES_PORT)  # Relays share it without a lock
         return
-    look_at_lock(Path(environment.get("STATE_DIR") or "var") / "edge" / "relay.lock")
+    lock = Path(environment.get("STATE_DIR") or "var") / "edge" / "relay.lock"
+    look_at_lock(lock)
+    look_at_loop(lock)
 
 
 def _broker(environment: Environment) -> None:

@@ -3,15 +3,20 @@
 import fcntl
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from deploy import health
 from deploy.health import UnwellError
+from edge_server.config import Config
+from edge_server.process.relay import StateFolderLock
+from edge_server.relay_health import STALLED_AFTER_S
 
 HEADER = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid\n"
 
@@ -119,6 +124,26 @@ def test_a_relay_is_well_while_it_holds_its_lock(tmp_path: Path) -> None:
         fcntl.flock(held, fcntl.LOCK_EX)
         assert health.main(["relay"], environment) == 0
     assert health.main(["relay"], environment) == 1
+
+
+def test_a_relay_that_hangs_is_unwell_although_it_holds_its_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    environment = {"STATE_DIR": str(tmp_path)}
+    (tmp_path / "edge").mkdir()
+    lock = StateFolderLock(Config(state_dir=tmp_path))
+    try:
+        assert health.main(["relay"], environment) == 0
+        later_s = time.monotonic() + STALLED_AFTER_S + 1.0
+        monkeypatch.setattr(health, "time", SimpleNamespace(monotonic=lambda: later_s))
+        assert health.main(["relay"], environment) == 1
+        assert "relay: its loop has not run for 61 s" in capsys.readouterr().err
+    finally:
+        lock.close()
+
+
+def test_the_health_check_and_the_edge_server_agree_on_when_a_relay_hangs() -> None:
+    assert health.STALLED_AFTER_S == STALLED_AFTER_S
 
 
 def test_a_relay_on_a_database_server_is_well_while_it_is_connected() -> None:
