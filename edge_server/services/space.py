@@ -160,9 +160,8 @@ class Space:
         path = self._config.ballast_path
         free = shutil.disk_usage(self._config.edge_dir).free
         if not ballast.hold(path) or free < ballast.size_on(path):
-            if not upkeep.hold_room(self._database) and ballast.release(path):
-                LOG.warning("the disk is full; a part of the ballast %s becomes free pages", path)
-                upkeep.hold_room(self._database)  # At once: another program may take the room
+            if not upkeep.hold_room(self._database):
+                self.release_ballast()
             if upkeep.checkpoint(self._database) is CheckpointResult.FULL and ballast.release(path):
                 LOG.warning("the disk is full; the ballast %s is released", path)
                 upkeep.checkpoint(self._database)
@@ -177,6 +176,15 @@ class Space:
                 self._database
             ).free_bytes > _TIMES_BALLAST * ballast.size_on(path)
         self._has_checked_disk = True
+
+    def release_ballast(self) -> bool:
+        """Turn a part of the ballast into free pages of the file; returns whether there was one."""
+        path = self._config.ballast_path
+        if self._database.is_shared or not ballast.release(path):
+            return False
+        LOG.warning("the disk is full; a part of the ballast %s becomes free pages", path)
+        upkeep.hold_room(self._database)  # At once: another program may take the room
+        return True
 
     def _may_release_ballast(self) -> bool:
         """Whether the free pages of the file exceed the ballast."""

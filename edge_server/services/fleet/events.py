@@ -27,7 +27,7 @@ from edge_server.services.errors import ConflictError, NotFoundError, TooMuchErr
 from edge_server.services.fleet import broker_work
 from edge_server.services.fleet.event_states import state_of
 from edge_server.services.fleet.vehicles import why_unheard
-from edge_server.services.retries import retry_on_conflict
+from edge_server.services.retries import retry_on_conflict, retry_with_room
 from edge_server.store.connection.database import to_json
 from edge_server.store.connection.locks import WORK
 from edge_server.store.rows import events, vehicles, work, work_removal
@@ -45,6 +45,7 @@ EVENT_LIMIT: Final = 64
 """Queued events of all vehicles, at most."""
 
 
+@retry_with_room
 @retry_on_conflict
 def create(context: Context, event: Event, caller: Caller, waited_s: float = 0.0) -> dict[str, Any]:
     """Store an event and wake the broker; returns it as stored.
@@ -83,6 +84,7 @@ def create(context: Context, event: Event, caller: Caller, waited_s: float = 0.0
     return shown
 
 
+@retry_with_room
 @retry_on_conflict
 def replace(
     context: Context, identifier: int, event: Event, precondition: Precondition = unconditionally

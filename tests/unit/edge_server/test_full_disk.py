@@ -240,6 +240,24 @@ def test_stops_are_accepted_while_another_program_takes_whatever_is_free(
 
 
 @pytest.mark.first_case
+def test_orders_are_accepted_the_moment_the_disk_becomes_full(edge: Edge) -> None:
+    """Another program has filled the disk since housekeeping looked at it."""
+    edge.register(1)
+    assert edge.post_plan(documents.plan()).status_code == 201
+    edge.accept()
+    edge.context.space.maintain(time.monotonic())
+    fill_up(edge.config.state_dir / "another program")
+    for number, kind in enumerate((101, 102, 103)):
+        answer = edge.post("/events/", documents.event(kind), "operator")
+        assert answer.status_code == 201, (number, answer.json)
+        fill_up(edge.config.state_dir / f"another program {number}")
+    assert report(edge, "pose", 0) == 507
+    path, order = f"/events/{answer.get_json()['id']}", documents.event(1)
+    assert edge.ask("PUT", path, "operator", json=order).status_code == 200
+    assert not edge.config.ballast_path.exists()
+
+
+@pytest.mark.first_case
 def test_the_ballast_is_released_for_what_frees_room(edge: Edge) -> None:
     """The backlog is gone, its pages are free in the file, and nothing else is free anywhere."""
     edge.context.space.maintain(time.monotonic())
