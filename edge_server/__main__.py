@@ -182,7 +182,7 @@ def _parser() -> argparse.ArgumentParser:
         commands.add_parser(name, help=meaning).set_defaults(run=run)
     copy = commands.add_parser("backup", help="back up the database while it is in use")
     copy.add_argument(
-        "target", type=Path, help="the new file, or a folder for a file named by time"
+        "target", type=_target, help="the new file, or a folder for a file named by time"
     )
     copy.add_argument(
         "--keep", type=_count, metavar="NUMBER", help="in a folder: delete all but the newest"
@@ -209,6 +209,14 @@ def _parser() -> argparse.ArgumentParser:
         action.set_defaults(run=_dead_letters, file=None)
     _add_access(commands)
     return parser
+
+
+def _target(text: str) -> Path:
+    """Read the target of a backup; one that is written as a folder has to be one."""
+    path = Path(text)
+    if text.endswith("/") and not path.is_dir():
+        raise argparse.ArgumentTypeError(f"there is no folder {text}")
+    return path
 
 
 def _count(text: str) -> int:

@@ -199,6 +199,22 @@ def test_in_a_folder_the_newest_backups_stay(
     ]
 
 
+def test_a_folder_that_does_not_exist_does_not_become_a_file(
+    edge: Edge, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Such a file would stand in the way of every later backup into that folder."""
+    state = ("--state-dir", str(edge.config.state_dir))
+    folder = tmp_path / "backups"
+    with pytest.raises(SystemExit) as ended:
+        main([*state, "backup", f"{folder}/"])
+    assert ended.value.code == WRONG_SETUP
+    assert f"there is no folder {folder}/" in capsys.readouterr().err
+    assert not folder.exists()
+    folder.mkdir()
+    assert main([*state, "backup", f"{folder}/"]) == OK
+    assert len(list(folder.iterdir())) == 1
+
+
 @pytest.fixture
 def program(tmp_path: Path) -> Iterator[Program]:
     program = Program(tmp_path / "state", "http://127.0.0.1:9")
