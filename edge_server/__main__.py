@@ -71,7 +71,7 @@ def _serve(config: Config, _options: argparse.Namespace) -> int:
 
     try:
         server.serve(config)
-    except (server.PortTakenError, server.TlsSetupError) as error:
+    except (server.FewDescriptorsError, server.PortTakenError, server.TlsSetupError) as error:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
     except server.UnpreparedError as error:

@@ -33,7 +33,7 @@ LOG = logging.getLogger(__name__)
 URGENT_THREADS: Final = 4
 BROKER_THREADS: Final = 10  # The long polls that may wait for work, and two more
 DESCRIPTORS_WANTED: Final = 8192
-_OTHER_DESCRIPTORS: Final = 256  # Database, logs, long polls of a shared database
+OTHER_DESCRIPTORS: Final = 256  # Database, logs, long polls of a shared database
 _AT_ONCE: Final = 64  # Connections accepted before the loop serves others
 _HANDSHAKES_AT_ONCE: Final = 4  # A signature by RSA of 4096 bits takes 5 ms and more
 _SWEEP_S: Final = 0.25
@@ -410,4 +410,4 @@ def raise_descriptor_limit(wanted: int) -> int:
     if soft < most:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
         soft = most
-    return max(min(wanted, soft - _OTHER_DESCRIPTORS), 1)
+    return max(min(wanted, soft - OTHER_DESCRIPTORS), 1)

@@ -3,9 +3,10 @@
 One worker, because SQLite has one writer and the broker's long polls are woken within one process.
 The parent process supervises the worker and does not load the application.
 
-PortTakenError   another program listens on the port
-TlsSetupError    other machines could connect without TLS, or certificate or key is invalid
-UnpreparedError  the state folder cannot be used
+FewDescriptorsError  the limit of open files leaves too few for connections
+PortTakenError       another program listens on the port
+TlsSetupError        other machines could connect without TLS, or certificate or key is invalid
+UnpreparedError      the state folder cannot be used
 """
 
 import logging
@@ -22,6 +23,7 @@ from gunicorn.arbiter import Arbiter  # type: ignore[import-untyped]  # as above
 from setproctitle import getproctitle
 
 from edge_server.config import Config, ConfigError
+from edge_server.connections import loop
 from edge_server.connections.admission import KEEP_ALIVE_S, Limits
 from edge_server.process import children, tls, workers
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
@@ -39,9 +41,15 @@ BIND_PATIENCE_S: Final = 3.0
 KEPT_MIB: Final = 64
 """Memory for incomplete requests; and as much again for complete ones without an answer."""
 BACKLOG: Final = 1024
+FEWEST_CONNECTIONS: Final = 64
+"""Some browsers and a broker; with fewer, each new connection would close another one."""
 DATABASE_LOOK_S: Final = 0.5
 GRACE_S: Final = 5
 _WsgiApp = Callable[[dict[str, Any], Any], Iterable[bytes]]
+
+
+class FewDescriptorsError(Exception):
+    """The limit of open files leaves too few for connections."""
 
 
 class PortTakenError(Exception):
@@ -56,6 +64,7 @@ def serve(config: Config) -> None:
     """Prepare the database and the keys, then serve until a signal ends it.
 
     Raises:
+        FewDescriptorsError: if the limit of open files is too low.
         PortTakenError: if the port is in use.
         TlsSetupError: if others could connect without TLS, or certificate or key is invalid.
         UnpreparedError: if the state folder cannot be used; the reason has been logged.
@@ -65,9 +74,23 @@ def serve(config: Config) -> None:
         context = tls.context_for(config)
     except (tls.ExposedError, tls.CertificateError) as error:
         raise TlsSetupError(str(error)) from None
+    _check_descriptors(config.connections)
     listener = listen(config.host, config.port, BIND_PATIENCE_S)
     _prepare_in_child(config)
     workers.run(_Application(config, listener, context))
+
+
+def _check_descriptors(wanted: int) -> None:
+    """Raise the limit of open files, which the worker inherits, and check what it leaves."""
+    room = loop.raise_descriptor_limit(wanted)
+    needed = min(wanted, FEWEST_CONNECTIONS)
+    if room < needed:
+        raise FewDescriptorsError(
+            "the limit of open files (ulimit -n) is too low: it has to be at least "
+            f"{loop.OTHER_DESCRIPTORS + needed}"
+        )
+    if room < wanted:
+        LOG.warning("the limit of open files allows %d connections, not %d", room, wanted)
 
 
 def _prepare_in_child(config: Config) -> None:
