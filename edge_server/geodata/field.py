@@ -11,9 +11,12 @@ from afarcloud.numbers import Model, ShortText
 from afarcloud.plan import Polygon, Vertex
 
 SMALLEST_M2: Final = 1.0
+NOTHING_M2: Final = 0.05  # Shown as 0.0
 MOST_CORNERS: Final = 5000
 FARTHEST_ENTRY_M: Final = 2000.0
 """From the nearest corner: an entry farther away is that of another field, or mistyped."""
+FARTHEST_CORNER_M: Final = 100_000.0
+"""From the first corner of the boundary: usually a minus sign is missing."""
 Rings = Annotated[tuple[Polygon, ...], Bounds(max_length=50)]
 
 
@@ -50,6 +53,7 @@ def _faults(field: Field) -> Iterator[Fault]:
         yield Fault("boundary", f"and what lies in it have more than {MOST_CORNERS} corners")
         return
     for path, ring in rings:
+        yield from _far_corner(path, ring, field.boundary[0])
         if (text := geometry.ring_fault(ring, SMALLEST_M2)) is not None:
             yield Fault(path, text)
     for path, ring in inner:
@@ -57,8 +61,23 @@ def _faults(field: Field) -> Iterator[Fault]:
             geometry.contains(field.boundary, corner) for corner in ring
         ):
             yield Fault(path, "lies outside of the boundary")
+    if field.holes and area_m2(field) < NOTHING_M2 < geometry.area_m2(field.boundary):
+        yield Fault("holes", "leave nothing of the field")
     if field.entry is not None:
         distance_m = min(geometry.distance_m(corner, field.entry) for corner in field.boundary)
         if distance_m > FARTHEST_ENTRY_M:
             text = f"is {distance_m:.0f} m from the field, at most {FARTHEST_ENTRY_M:.0f} m"
             yield Fault("entry", text)
+
+
+def _far_corner(path: str, ring: Polygon, first: Vertex) -> Iterator[Fault]:
+    """Give the first corner of a ring that cannot be of this field, if there is one."""
+    for index, corner in enumerate(ring):
+        distance_m = geometry.distance_m(first, corner)
+        if distance_m > FARTHEST_CORNER_M:
+            yield Fault(
+                path,
+                f"corner {index} is {distance_m / 1000:.0f} km from the first one of the field, "
+                f"at most {FARTHEST_CORNER_M / 1000:.0f} km",
+            )
+            return

@@ -84,6 +84,23 @@ def test_a_hole_lies_in_the_field() -> None:
     assert faults(outside) == {"holes.1": "lies outside of the boundary"}
 
 
+def test_a_field_is_more_than_its_holes() -> None:
+    assert faults(Field(boundary=square(100.0), holes=(square(100.0),))) == {
+        "holes": "leave nothing of the field"
+    }
+    assert faults(Field(boundary=square(100.0), holes=(square(99.0),))) == {}
+
+
+def test_a_corner_with_a_missing_sign_is_none_of_the_field() -> None:
+    corners = ((40.443, -3.739), (40.444, -3.739), (40.444, 3.738), (40.443, -3.738))
+    far = "corner 2 is 633 km from the first one of the field, at most 100 km"
+    assert faults(Field(boundary=corners)) == {"boundary": far}
+    hole = ((40.4434, -3.7387), (-40.4436, -3.7387), (40.4436, -3.7384))
+    field = Field(boundary=square(1000.0), exclusions=(hole,))
+    assert list(faults(field)) == ["exclusions.0"]
+    assert faults(Field(boundary=square(70_000.0))) == {}
+
+
 def test_an_exclusion_may_lie_across_the_edge() -> None:
     assert faults(Field(boundary=square(10), exclusions=(square(10, east_m=50),))) == {}
 
