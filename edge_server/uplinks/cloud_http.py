@@ -10,6 +10,7 @@ one JSON object per line, `{"kind": "pose", "record": {...}}`, and answers with
 import http.client
 import io
 import logging
+import ssl
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +27,7 @@ from edge_server.config import Config
 from edge_server.outbox.answers import Answer, Outcome, Reply, Unreachable, classify
 from edge_server.outbox.queue import OutboxRecord, Stream
 from edge_server.outbox.uplink import HELD_BACK, MAXIMUM_BATCH, ONE_BY_ONE, BatchLimit
-from edge_server.uplinks import batches
+from edge_server.uplinks import batches, tls_failures
 from edge_server.uplinks.bounded_http import PinnedAdapter
 
 MAXIMUM_ANSWER_BYTES: Final = 65_536
@@ -174,19 +175,25 @@ class HttpUplink:
 def _reason(error: Exception) -> str:
     """Describe the failure with the same text for every record that meets it."""
     causes = _causes(error)
-    if any(isinstance(one, requests.exceptions.SSLError) for one in causes):
+    failures = [one for one in causes if isinstance(one, ssl.SSLError)]
+    if failures:
+        return tls_failures.describe("the cloud", failures[0])
+    if any(isinstance(one, requests.exceptions.SSLError) for one in causes):  # By its fingerprint
         return "the cloud's certificate is not accepted"
     if any(isinstance(one, requests.exceptions.ConnectTimeout) for one in causes):
         return "no connection in time"
-    if any(isinstance(one, requests.exceptions.Timeout | TimeoutError) for one in causes):
-        return "no answer in time"
-    if any(isinstance(one, urllib3.exceptions.ReadTimeoutError) for one in causes):
+    if any(isinstance(one, _TOO_LATE) for one in causes):
         return "no answer in time"
     if any(isinstance(one, _INCOMPLETE) for one in causes):
         return f"the answer is cut off or broken ({type(error).__name__})"
     return f"no connection ({type(error).__name__})"
 
 
+_TOO_LATE: Final = (
+    requests.exceptions.Timeout,
+    urllib3.exceptions.ReadTimeoutError,
+    TimeoutError,
+)
 _INCOMPLETE: Final = (
     http.client.HTTPException,
     urllib3.exceptions.ProtocolError,

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 from edge_server.outbox import wakeup
 from edge_server.outbox.answers import Reply, Unreachable
 from edge_server.outbox.uplink import UplinkEndedError
+from edge_server.uplinks import tls_failures
 from edge_server.uplinks.mqtt_connection import BrokerSettings, Connection, LoginError
 from edge_server.uplinks.mqtt_protocol import BAD_LOGIN, SUCCESS, RecordPacket
 from edge_server.uplinks.mqtt_session import (
@@ -152,8 +153,8 @@ class Link:
             connection.open()
         except LoginError as error:
             connection.events.append(Refused(BAD_LOGIN, str(error)))
-        except ssl.SSLError:
-            connection.events.append(Lost("the broker's certificate, or ours, is not accepted"))
+        except ssl.SSLError as error:
+            connection.events.append(Lost(tls_failures.describe("the broker", error)))
         except (OSError, ValueError) as error:  # The host name may be invalid
             connection.events.append(Lost(f"no connection to the broker ({type(error).__name__})"))
         else:

@@ -3,11 +3,15 @@
 from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
+from typing import Final
 
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
+
+VALID_S: Final = 1800.0
+"""Before and after now."""
 
 
 class Authority:
@@ -30,12 +34,12 @@ class Authority:
         self.file = folder / "authority.pem"
         self.file.write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
 
-    def certify(self, name: str) -> tuple[Path, Path, str]:
+    def certify(self, name: str, ends_in_s: float = VALID_S) -> tuple[Path, Path, str]:
         """Files of a certificate (its key behind it) and of the key alone, and the fingerprint."""
         key = ec.generate_private_key(ec.SECP256R1())
         address = x509.IPAddress(ip_address("127.0.0.1"))
         certificate = (
-            self._builder(_name(name), key)
+            self._builder(_name(name), key, ends_in_s)
             .add_extension(x509.SubjectAlternativeName([address]), critical=False)
             .add_extension(_usage(signs_certificates=False), critical=True)
             .add_extension(
@@ -55,7 +59,7 @@ class Authority:
         return both, alone, certificate.fingerprint(hashes.SHA256()).hex()
 
     def _builder(
-        self, subject: x509.Name, key: ec.EllipticCurvePrivateKey
+        self, subject: x509.Name, key: ec.EllipticCurvePrivateKey, ends_in_s: float = VALID_S
     ) -> x509.CertificateBuilder:
         now = datetime.now(UTC)
         return (
@@ -64,8 +68,8 @@ class Authority:
             .issuer_name(self._name)
             .public_key(key.public_key())
             .serial_number(x509.random_serial_number())
-            .not_valid_before(now - timedelta(minutes=30))
-            .not_valid_after(now + timedelta(minutes=30))
+            .not_valid_before(now - timedelta(seconds=VALID_S))
+            .not_valid_after(now + timedelta(seconds=ends_in_s))
         )
 
 

@@ -56,10 +56,19 @@ def send(cloud: MockCloud, **settings: Any) -> Reply:
         uplink.close()
 
 
+def why_not_believed(cloud: MockCloud, **settings: Any) -> str:
+    """What is wrong with the certificate of a cloud."""
+    reply = send(cloud, **settings)
+    assert isinstance(reply, Unreachable)
+    said, _, why = reply.reason.partition(": ")
+    assert said == NOT_BELIEVED
+    return why
+
+
 def test_the_named_authority_is_believed_and_no_other(tls: Tls, cloud: MockCloud) -> None:
     assert isinstance(send(cloud, cloud_ca_file=tls.authority.file), Answer)
-    assert send(cloud, cloud_ca_file=tls.stranger.file) == Unreachable(NOT_BELIEVED)
-    assert send(cloud) == Unreachable(NOT_BELIEVED)
+    for settings in ({"cloud_ca_file": tls.stranger.file}, {}):
+        assert "unable to get local issuer certificate" in why_not_believed(cloud, **settings)
     assert len(cloud.store.records()) == 1
 
 
@@ -75,7 +84,21 @@ def test_the_pinned_certificate_is_believed_and_no_other_of_its_authority(
 
 def test_the_certificate_of_another_host_is_not_believed(tls: Tls, cloud: MockCloud) -> None:
     elsewhere = cloud._replace(url=cloud.url.replace("127.0.0.1", "localhost"))
-    assert send(elsewhere, cloud_ca_file=tls.authority.file) == Unreachable(NOT_BELIEVED)
+    assert "'localhost'" in why_not_believed(elsewhere, cloud_ca_file=tls.authority.file)
+
+
+def test_a_certificate_that_has_expired_is_said_to_have(tls: Tls) -> None:
+    tls.file, tls.key, _ = tls.authority.certify("old", ends_in_s=-60.0)
+    with running_mock_cloud(tls=tls.context()) as cloud:
+        why = why_not_believed(cloud, cloud_ca_file=tls.authority.file)
+    assert why == "certificate has expired"
+
+
+def test_a_cloud_without_tls_is_not_said_to_have_a_wrong_certificate(tls: Tls) -> None:
+    with running_mock_cloud() as cloud:
+        over_tls = cloud._replace(url=cloud.url.replace("http:", "https:"))
+        reply = send(over_tls, cloud_ca_file=tls.authority.file)
+    assert reply == Unreachable("no TLS connection to the cloud: wrong version number")
 
 
 def test_our_certificate_is_shown_to_a_cloud_that_asks(tls: Tls) -> None:
