@@ -9,13 +9,15 @@ import { TextField } from "./fields";
  * What is typed stays, with all its decimals, until the value changes from elsewhere; what is no number
  * stays until the field is left.
  */
-export function NumberField({ value, shown, enter, ...rest }: {
+export function NumberField({ value, shown, enter, keepsFaults = false, ...rest }: {
   label: string;
   value: number | null;
   /** The value as text, with a point. */
   shown: string;
   /** Takes what is entered, null for nothing and NaN for no number; gives the value that it makes. */
   enter: (entered: number | null) => number | null;
+  /** What is no number stays when the field is left: its error says why it is not taken. */
+  keepsFaults?: boolean;
   hint?: string | undefined;
   error?: string | undefined;
   placeholder?: string;
@@ -33,7 +35,7 @@ export function NumberField({ value, shown, enter, ...rest }: {
       onChange={({ target: { value: text } }) => setTyped({ text, value: enter(readNumber(text, units.decimalMark)) })}
       onBlur={() => {
         const isNumber = typed !== null && Number.isFinite(readNumber(typed.text, units.decimalMark));
-        if (!isNumber && !Number.isNaN(value)) setTyped(null);
+        if (!isNumber && !Number.isNaN(value) && !keepsFaults) setTyped(null);
       }}
     />
   );

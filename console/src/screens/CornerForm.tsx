@@ -1,3 +1,4 @@
+import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import { Button } from "../controls/Button";
 import { NumberField } from "../controls/NumberField";
@@ -14,16 +15,25 @@ export function CornerForm({ title, corner, move, remove, removeText, canRemove 
 }) {
   const { t } = useTranslation();
   const [latitude, longitude] = corner;
+  const [fault, setFault] = useState<{ label: string; text: string; of: string } | null>(null);
+  const place = corner.join();
   const field = (label: string, value: number, limit: number, set: (degrees: number) => void) => (
     <NumberField
       label={label}
       value={value}
       shown={String(value)}
+      keepsFaults
+      error={fault?.label === label && fault.of === place ? fault.text : undefined}
       enter={(degrees) => {
-        if (degrees === null || Number.isNaN(degrees)) return value;
-        if (Math.abs(degrees) > limit) return NaN; // Not taken: the field shows the present place again
-        set(degrees);
-        return degrees;
+        const isNumber = degrees !== null && !Number.isNaN(degrees);
+        if (isNumber && Math.abs(degrees) <= limit) {
+          setFault(null);
+          set(degrees);
+          return degrees;
+        }
+        const range = t("editor.range", { low: -limit, high: limit });
+        setFault({ label, of: place, text: isNumber ? t("editor.out_of_range", { range }) : t("editor.number") });
+        return value; // Not taken: what is typed stays, with the reason, until the corner is another one
       }}
     />
   );

@@ -21,7 +21,16 @@ async function addEntry(page) {
   await page.waitForFunction(([input, old]) => input.value > old, [await latitude.elementHandle(), before]);
   await requireAccessible(page, "the entry of a field");
   await picture(page, "entry");
+  // What is not taken stays, with the reason
+  for (const [text, reason] of [["91", "Allowed: -90 to 90"], ["40.4434, -3.7382", "Enter a number."]]) {
+    await latitude.fill(text);
+    await latitude.blur();
+    await page.locator(".corner-form .has-error", { hasText: reason }).waitFor();
+    if ((await latitude.inputValue()) !== text) throw new Error(`${text} is replaced without a word`);
+  }
+  await requireAccessible(page, "a place that is none");
   await latitude.fill("41");
+  await page.locator(".corner-form .has-error", { hasText: "Enter a number." }).waitFor({ state: "detached" });
   await button(page, "Save the field").click();
   await page.getByText("m from the field").waitFor();
   await button(page, "Undo").click();
