@@ -6,6 +6,7 @@ path in the document as it was sent, envelope left out.
 """
 
 import json
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import StrEnum
@@ -88,13 +89,14 @@ def unique_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def parse_json(raw: bytes, parse_constant: Callable[[str], Any] | None = None) -> Any:
     """Parse bytes as JSON; NaN, Infinity and what underflows fail later with their path.
 
-    `parse_constant` takes NaN and the infinities, and may raise ValueError.
+    `parse_constant` takes NaN and the infinities, and may raise SyntaxFaultError.
 
     A name that occurs twice in an object is refused: who reads the first one and who reads the
     last one would fly to different places (RFC 8259, section 4; RFC 7493, section 2.3).
 
     Raises:
-        SyntaxFaultError: if the bytes are not UTF-8 or not JSON, nest too deep or repeat a name.
+        SyntaxFaultError: if the bytes are not UTF-8 or not JSON, nest too deep, repeat a name or
+            hold an integer with more digits than Python converts.
     """
     try:
         return json.loads(
@@ -110,8 +112,11 @@ def parse_json(raw: bytes, parse_constant: Callable[[str], Any] | None = None) -
     except json.JSONDecodeError as error:
         place = f"line {error.lineno} column {error.colno}"
         raise SyntaxFaultError((Fault("", f"not JSON: {error.msg} at {place}"),)) from None
-    except (RecursionError, ValueError) as error:
-        raise SyntaxFaultError((Fault("", f"not JSON that can be read: {error}"),)) from None
+    except RecursionError:
+        raise SyntaxFaultError((Fault("", "arrays and objects nest too deep"),)) from None
+    except ValueError:  # Python converts no more digits, to be safe from slow conversions
+        limit = sys.get_int_max_str_digits()
+        raise SyntaxFaultError((Fault("", f"a number has more than {limit} digits"),)) from None
 
 
 def read(kind: Kind, document: Any) -> Model:

@@ -5,7 +5,7 @@ from http import HTTPStatus
 from typing import Final, NamedTuple, TypeAlias
 
 from afarcloud import wire
-from afarcloud.faults import SyntaxFaultError
+from afarcloud.faults import Fault, SyntaxFaultError
 
 
 class Answer(NamedTuple):
@@ -132,7 +132,7 @@ _NO_JSON: Final = object()
 
 def _refuse_constant(name: str) -> object:
     """NaN and the infinities are not JSON (RFC 8259 section 6)."""
-    raise ValueError(name)
+    raise SyntaxFaultError((Fault("", f"{name} is not JSON"),))
 
 
 def _is_called_json(answer: Answer) -> bool:

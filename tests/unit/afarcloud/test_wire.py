@@ -135,6 +135,19 @@ def test_bytes_that_are_no_json_are_a_syntax_fault(raw: bytes) -> None:
         wire.read_plan(raw)
 
 
+@pytest.mark.parametrize(
+    ("raw", "fault"),
+    [
+        (b"[" * 200_000, "arrays and objects nest too deep"),
+        (b"[" + b"7" * 5_000 + b"]", "a number has more than 4300 digits"),
+    ],
+)
+def test_json_that_is_too_large_to_read_is_named_in_plain_words(raw: bytes, fault: str) -> None:
+    with pytest.raises(SyntaxFaultError) as caught:
+        wire.read_plan(raw)
+    assert [one.message for one in caught.value.faults] == [fault]
+
+
 def test_nan_in_bytes_is_refused_with_its_path() -> None:
     raw = json.dumps(documents.PLAN).replace("40.44352", "NaN").encode()
     with pytest.raises(InvalidError) as caught:
