@@ -21,6 +21,7 @@ from uav_firmware.modules.estimator.fault_detection.motion import (
     Impact,
     RecentRotation,
     RestDetector,
+    SpinScale,
 )
 from uav_firmware.modules.estimator.kalman_filter.alignment import TiltAlignment
 from uav_firmware.modules.estimator.kalman_filter.bias_jump import velocity_jump_covariance
@@ -67,6 +68,7 @@ _TURNED_BACK_SIGMA_RAD: Final = 0.05
 _TURNED_BACK_SIGMA_RAD_S: Final = 0.001
 _TURNED_TILT_SIGMA_RAD: Final = 0.03
 _TURNED_HEADING_SIGMA_RAD: Final = 0.2
+_YAW_BIAS: Final = GYRO_BIAS.stop - 1
 
 
 class EarlierEstimate(NamedTuple):
@@ -103,6 +105,7 @@ class EkfCore:
         self.course = InertialCourse()
         self.heading_set_us: int | None = None  # [us] When the course by GPS last turned it
         self.recent_rotation = RecentRotation()
+        self._spin_scale = SpinScale()
         self.impact = Impact()
         self.reset_log = ResetLog()
         self.history = InertialHistory(time_us, _HISTORY_SAMPLES)
@@ -209,6 +212,9 @@ class EkfCore:
         airspeed_ned = (north - wind_north, east - wind_east, down)
         self.lateral.update(force_frd, airspeed_ned, state.q_ned_frd, dt)
         self.recent_rotation.update(rate_frd, dt)
+        doubt = self._spin_scale.update(rate_frd[2])
+        if doubt > 0.0:
+            ekf.widen(_YAW_BIAS, doubt)
         self.impact.update(force_frd, time_us)
         self.time_us = time_us
 

@@ -202,6 +202,12 @@ class ErrorStateEkf:
         np.einsum("ii->i", matrix)[part] = sigma * sigma
         self._covariance.replace(matrix)
 
+    def widen(self, index: int, sigma: float) -> None:
+        """Add an independent error [SI, one sigma] to one of the state."""
+        matrix = self._covariance.matrix()
+        matrix[index, index] += sigma * sigma
+        self._covariance.replace(matrix)
+
     def sigma(self, index: int) -> float:
         """Standard deviation of one error."""
         return math.sqrt(self._covariance.variance(index))
