@@ -134,6 +134,25 @@ def test_a_motor_lost_in_a_touchdown_tips_no_vehicle_over(tmp_path: Path, height
     assert not tester.simulation.wrecked
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize(("seed", "height_m", "distance_m"), [(2, 3.0, 6.0), (5, 0.5, 15.0)])
+def test_a_motor_and_the_range_finder_lost_in_a_landing_tip_no_vehicle_over(
+    tmp_path: Path, seed: int, height_m: float, distance_m: float
+) -> None:
+    tester = hovering(tmp_path, seed=seed)
+    tester.land()
+    tester.wait_until(lambda: tester.true_position()[2] < height_m, 30.0, "low")
+    blocked = Fault(
+        kind=Kind.RANGEFINDER_BLOCKED,
+        start_us=tester.truth.time_us,
+        values={"distance_m": distance_m},
+    )
+    tester.simulation.add_fault(blocked)
+    lose(tester, 1 + seed % 4)
+    tester.wait_until_landed(60.0)
+    assert not tester.simulation.wrecked
+
+
 @pytest.mark.promise
 def test_it_holds_place_and_height_spinning_the_way_that_the_two_rotors_push(
     tmp_path: Path,

@@ -16,7 +16,9 @@ was measured before the vehicle has sunk through that: a landing that is slow st
 
 With a motor lost the vehicle spins as it descends, and TOUCHDOWN takes half the speed. For the
 first seconds its body cones by up to 40 degrees and would tip over at the touch, so below
-_CONING_BELOW_M the landing is interrupted until that has settled, unless the vehicle stands:
+_CONING_BELOW_M the landing is interrupted until that has settled, unless the vehicle stands. The
+ground is then the higher of the believed and the measured one, since a range finder that has just
+got stuck shows one that is too low:
 
     DESCENT, TOUCHDOWN --motor lost less than _CONING_S ago--> CONING --settled--> DESCENT
 """
@@ -94,14 +96,12 @@ class Land:
         self._follow_drift(flight)
         height = self._ground_down - flight.position[2]
         if self._finds_other_ground(flight):
-            self._descend(flight)
+            self._begin_anew(flight)
         elif self.phase is LandPhase.CONING:
             if not _cones(flight) and flight.path.resting:
                 self._descend(flight)
-        elif _cones(flight) and height < _CONING_BELOW_M and not _stands(flight):
-            self.phase = LandPhase.CONING
-            north, east, _ = flight.path.state.position
-            flight.fly(flight.stop_at((north, east, self._ground_down - _CONING_HEIGHT_M)))
+        elif _cones(flight) and self._may_be_low(flight) and not _stands(flight):
+            self._wait_above_ground(flight)
         elif (
             self.phase is LandPhase.DESCENT
             and flight.path.sinking
@@ -131,6 +131,29 @@ class Land:
         if not self._has_reported:
             flight.report(Severity.WARNING, text)
         self._has_reported = True
+
+    def _begin_anew(self, flight: Flight) -> None:
+        """Continue above ground that is elsewhere."""
+        if self.phase is LandPhase.CONING:
+            self._wait_above_ground(flight)
+        else:
+            self._descend(flight)
+
+    def _wait_above_ground(self, flight: Flight) -> None:
+        """Interrupt the landing, until the body cones no more."""
+        self.phase = LandPhase.CONING
+        north, east, _ = flight.path.state.position
+        down = self._highest_ground_down(flight) - _CONING_HEIGHT_M
+        flight.fly(flight.stop_at((north, east, down)))
+
+    def _may_be_low(self, flight: Flight) -> bool:
+        """Whether the vehicle is near the ground, wherever that is."""
+        return self._highest_ground_down(flight) - flight.position[2] < _CONING_BELOW_M
+
+    def _highest_ground_down(self, flight: Flight) -> float:
+        """Down coordinate [m] of the ground, or of that believed if it may be there, above it."""
+        refuted = flight.position[2] > self._believed_down + _GROUND_DIFFERS_M
+        return self._ground_down if refuted else min(self._ground_down, self._believed_down)
 
     def _descend(self, flight: Flight) -> None:
         params = flight.params

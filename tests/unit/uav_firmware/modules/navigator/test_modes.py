@@ -223,6 +223,28 @@ def test_a_range_finder_that_gets_stuck_makes_no_slow_landing_fast(
     vehicle.run_until(lambda v: not v.armed, 60.0)
 
 
+@pytest.mark.parametrize("lost_at_m", [0.6, 2.0])
+def test_ground_that_is_suddenly_seen_deeper_does_not_let_a_coning_vehicle_touch_down(
+    lost_at_m: float,
+) -> None:
+    """A range finder that gets stuck with the motor shows it, until the climb proves it wrong."""
+    vehicle = airborne()
+    vehicle.ground_m = 0.0
+    assert vehicle.set_mode(6) == ACCEPTED
+    vehicle.run_until(lambda v: v.height < lost_at_m, 60.0)
+    vehicle.ground_m = -6.0
+    vehicle.run(0.05)
+    vehicle.failure.publish(FailureDetectorStatus(vehicle.now_us, False, False, 0b0100))
+    vehicle.run(5.0)
+    vehicle.ground_m = None
+    vehicle.topics.terrain_estimate.publish(TerrainEstimate(vehicle.now_us, NAN, has_failed=True))
+    vehicle.run(2.0)
+    waits_from = len(vehicle.track)
+    vehicle.run(4.0)
+    assert all(1.8 < -place[2] < 2.2 for place in vehicle.track[waits_from:])
+    vehicle.run_until(lambda v: not v.armed, 40.0)
+
+
 def test_a_place_under_the_ground_is_not_flown_to() -> None:
     vehicle = airborne(10.0)
     vehicle.ground_m = 0.0
