@@ -111,6 +111,23 @@ def test_a_landing_above_home_stays_slow_where_the_range_finder_gets_stuck(
     assert 0.0 < descent.end(within_s=60.0) < GENTLE_M_S
 
 
+@pytest.mark.parametrize(
+    "fault", ["rangefinder_loss", "rangefinder_blocked", "rangefinder_blocked distance_m=30"]
+)
+@pytest.mark.parametrize(
+    "command", [common.MAV_CMD_NAV_LAND, common.MAV_CMD_NAV_RETURN_TO_LAUNCH], ids=["land", "rtl"]
+)
+def test_a_landing_above_home_is_gentle_where_the_range_finder_has_failed_before(
+    tmp_path: Path, fault: str, command: int
+) -> None:
+    descent = Descent(tmp_path, 15.0)
+    descent.set_home(-8.0)
+    descent.break_part(fault)
+    descent.tester.run_for(2.0)
+    descent.order(command, 0.0, 0.0, 0.0, math.nan, math.nan, math.nan, math.nan)
+    assert 0.0 < descent.end(within_s=60.0) < GENTLE_M_S
+
+
 def test_a_landing_at_a_place_that_was_given_too_low_is_gentle(tmp_path: Path) -> None:
     descent = Descent(tmp_path, 12.0)
     place = descent.place(5.0, -50.0)

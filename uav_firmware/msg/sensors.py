@@ -114,7 +114,7 @@ class SensorEsc:
 
 
 class SensorRange(NamedTuple):
-    """Range finder that looks down, at 10 Hz or more; read by land_detector and mavlink."""
+    """Range finder that looks down, at 10 Hz or more; read by land_detector, navigator, mavlink."""
 
     time_us: int  # [us]
     distance_m: float  # [m] Along the body's down axis; NaN when nothing answers

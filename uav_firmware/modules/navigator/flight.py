@@ -91,6 +91,7 @@ class Flight:
     motor_lost_us: int | None = None  # [us] Since when a motor has failed; None: none has
     ground_down: float = NAN  # [m] Of the ground below, by the range finder; NaN: not measured
     range_finder_failed: bool = False  # It is stuck: what it has measured was no ground
+    range_finder_silent: bool = False  # It has sent samples, and does no more
     yaw_stick: float = 0.0  # [-] -1 to 1, positive clockwise; 0 without a pilot
     ceiling: Vector3 = (math.inf, math.inf, math.inf)  # [m/s] Horizontal, up, down
     speeds: Speeds = field(default_factory=Speeds)
@@ -248,6 +249,11 @@ class Flight:
         """For how long a motor has failed [s]; None while all turn."""
         since_us = self.motor_lost_us
         return None if since_us is None else (self.now_us - since_us) * 1e-6
+
+    @property
+    def range_finder_blind(self) -> bool:
+        """Whether the range finder that there is cannot show the ground: it is stuck, or silent."""
+        return self.range_finder_failed or self.range_finder_silent
 
     def begin_where_it_is(self) -> None:
         """Put the setpoint to a vehicle that has been blown off it: it would wait there for ever.

@@ -63,7 +63,7 @@ READS: Final = (
     "vehicle_local_position", "vehicle_status", "vehicle_control_mode", "land_detected",
     "home_position", "mission", "fence", "rally_points", "navigator_request", "follow_target",
     "target_check_request", "plan_check_request", "failure_detector_status",
-    "manual_control_setpoint", "terrain_estimate",
+    "manual_control_setpoint", "sensor_range", "terrain_estimate",
 )  # fmt: skip
 WRITES: Final = (
     "trajectory_setpoint", "mission_progress", "navigator_status", "orbit_status",
@@ -75,6 +75,7 @@ _SHORTEST_STEP_US: Final = 8_000  # A call that comes sooner waits; topology.py 
 _SPEED_LIMITS: Final = ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")
 _TILT_LIMIT: Final = "MPC_TILTMAX_AIR"
 _STICKS_TIMEOUT_US: Final = 500_000  # [us] Sticks older than this are ignored
+_SILENT_US: Final = 1_000_000  # [us] Without a sample a range finder has failed; it sends at 20 Hz
 _DEAD_ZONE: Final = 0.1  # [-] Smaller deflections count as centred
 
 
@@ -171,6 +172,8 @@ class NavigatorModule:
         terrain = self._topics.terrain_estimate.value
         flight.ground_down = ground_down(terrain, now_us)
         flight.range_finder_failed = terrain is not None and terrain.has_failed
+        sample = self._topics.sensor_range.value
+        flight.range_finder_silent = sample is not None and now_us - sample.time_us > _SILENT_US
         flight.yaw_stick = _yaw_stick(self._topics.manual_control_setpoint.value, now_us)
         self._area.update(flight)
 

@@ -12,7 +12,9 @@ that ground which lies lower only makes it longer. Where the range finder measur
 elsewhere than was believed, by home or by the target, DESCENT begins anew above that ground: a
 home that was set in the air makes no landing slow, and higher ground none fast. Where the range
 finder turns out to be stuck, the ground is again where it was believed, but never lower than it
-was measured before the vehicle has sunk through that: a landing that is slow stays slow.
+was measured before the vehicle has sunk through that: a landing that is slow stays slow. While it
+is stuck or silent nothing but a belief says where the ground is, and the landing is slow from
+_UNSEEN_GROUND_M higher.
 
 With a motor lost the vehicle spins as it descends, and TOUCHDOWN takes half the speed. For the
 first seconds its body cones by up to 40 degrees and would tip over at the touch, so below
@@ -41,6 +43,7 @@ _CONING_S = 12.0  # [s] Since a motor was lost; then the body cones by less than
 _CONING_HEIGHT_M = 2.0  # [m] Above the ground; losing the motor costs up to 1 m
 _CONING_BELOW_M = 3.0  # [m] Above the ground; higher it can descend meanwhile
 _GROUND_DIFFERS_M = 1.5  # [m] More than the errors of height and range finder near the ground
+_UNSEEN_GROUND_M = 10.0  # [m] By which a field may rise above home
 _PATIENCE_S = 5.0  # [s] Longer than a gust
 _DRIFTED_M = 5.0  # [m] From the point, in the descent: more than gusts do
 
@@ -61,6 +64,7 @@ class Land:
         self.phase = LandPhase.TRANSIT
         self._ground_down = self._believed_down = target[2]
         self._is_measured = False  # The ground, by the range finder
+        self._is_blind = False  # The present descent, for want of a range finder that works
         here = flight.rest_point()
         self._over = (target[0], target[1], here[2])
         self._approach = Approach(_PATIENCE_S)
@@ -97,6 +101,8 @@ class Land:
         height = self._ground_down - flight.position[2]
         if self._finds_other_ground(flight):
             self._begin_anew(flight)
+        elif self.phase is LandPhase.DESCENT and self._is_blind is not flight.range_finder_blind:
+            self._descend(flight)
         elif self.phase is LandPhase.CONING:
             if not _cones(flight) and flight.path.resting:
                 self._descend(flight)
@@ -158,8 +164,10 @@ class Land:
     def _descend(self, flight: Flight) -> None:
         params = flight.params
         self.phase = LandPhase.DESCENT
+        self._is_blind = flight.range_finder_blind
         set_point_height = self._ground_down - flight.path.state.position[2]
-        fast = max(0.0, set_point_height - params.land_slow_height)
+        slow = params.land_slow_height + (_UNSEEN_GROUND_M if self._is_blind else 0.0)
+        fast = max(0.0, set_point_height - slow)
         flight.path.descend(fast, params.land_speed, flight.limits())
 
     def _finds_other_ground(self, flight: Flight) -> bool:

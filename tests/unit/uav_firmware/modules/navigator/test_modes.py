@@ -7,6 +7,7 @@ import pytest
 from tests.support.toy_vehicle import HOME, ToyVehicle, at
 from uav_firmware.msg.estimate import TerrainEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus
+from uav_firmware.msg.sensors import SensorRange
 from uav_firmware.msg.status import Command, NavigationState
 
 ACCEPTED, NOT_NOW = 0, 1
@@ -204,23 +205,53 @@ def test_a_landing_goes_by_home_where_no_ground_is_measured_any_more() -> None:
 
 
 @pytest.mark.parametrize("descent_speed", [1.5, 4.0])
-@pytest.mark.parametrize("stuck_m", [12.3, 11.0, 10.5])
+@pytest.mark.parametrize("stuck_m", [32.3, 31.0, 30.5])
 def test_a_range_finder_that_gets_stuck_makes_no_slow_landing_fast(
     stuck_m: float, descent_speed: float
 ) -> None:
-    """On ground 10 m above home, until the vehicle has sunk through it."""
-    vehicle = airborne(25.0)
+    """On ground 30 m above home, until the vehicle has sunk through it."""
+    vehicle = airborne(45.0)
     vehicle.registry.set("MPC_Z_V_AUTO_DN", descent_speed)
-    vehicle.ground_m = 10.0
+    vehicle.ground_m = 30.0
     vehicle.send(Command.NAV_LAND, 0, 0, 0, NAN, NAN, NAN, NAN)
     vehicle.run_until(lambda v: v.height < stuck_m, 60.0)
     vehicle.ground_m = None
     vehicle.topics.terrain_estimate.publish(TerrainEstimate(vehicle.now_us, NAN, has_failed=True))
-    while vehicle.height > 9.0:
+    while vehicle.height > 29.0:
         vehicle.step()
         assert vehicle.setpoints[-1].velocity_ned[2] < 0.71
     vehicle.run_until(lambda v: v.setpoints[-1].velocity_ned[2] > 1.4, 5.0)
     vehicle.run_until(lambda v: not v.armed, 60.0)
+
+
+@pytest.mark.parametrize("is_stuck", [True, False], ids=["stuck", "silent"])
+@pytest.mark.parametrize("fails_at_m", [25.0, 12.0])
+def test_a_landing_without_its_range_finder_is_slow_where_the_ground_may_be(
+    fails_at_m: float, *, is_stuck: bool
+) -> None:
+    """A field may rise 10 m above home."""
+    vehicle = airborne(30.0)
+    vehicle.send(Command.NAV_LAND, 0, 0, 0, NAN, NAN, NAN, NAN)
+    track: list[tuple[float, float]] = []  # Height, speed downwards
+    while vehicle.armed:
+        works = vehicle.height > fails_at_m
+        if works or is_stuck:
+            vehicle.range_finder.publish(SensorRange(vehicle.now_us, vehicle.height, 0.1, 40.0))
+        if not works and is_stuck:
+            failed = TerrainEstimate(vehicle.now_us, NAN, has_failed=True)
+            vehicle.topics.terrain_estimate.publish(failed)
+        vehicle.step()
+        track.append((vehicle.height, vehicle.setpoints[-1].velocity_ned[2]))
+    assert max(speed for height, speed in track if height > 16.0) == pytest.approx(1.5)
+    slow_below_m = min(14.0, fails_at_m - 3.0)
+    assert max(speed for height, speed in track if height < slow_below_m) < 0.71
+
+
+def test_a_vehicle_that_never_had_a_range_finder_descends_by_home() -> None:
+    vehicle = airborne(20.0)
+    vehicle.send(Command.NAV_LAND, 0, 0, 0, NAN, NAN, NAN, NAN)
+    vehicle.run_until(lambda v: v.height < 9.0, 60.0)
+    assert vehicle.setpoints[-1].velocity_ned[2] == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize("lost_at_m", [0.6, 2.0])
