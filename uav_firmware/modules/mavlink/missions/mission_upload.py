@@ -10,6 +10,7 @@ last item has arrived and the whole plan has been accepted.
     receiving  --COUNT or ITEM, another peer--> receiving   DENIED to that peer
     receiving  --ITEM expected----------------> receiving   request the next
     receiving  --ITEM not expected------------> receiving   request the expected one
+    receiving  --ITEM from another address----> receiving   ignored: another with the same ids
     receiving  --last ITEM--------------------> checking
     receiving  --invalid ITEM-----------------> idle        refuse
     receiving  --ACK by the uploader----------> idle
@@ -179,8 +180,8 @@ class UploadReceiver:
         transfer = self._transfer
         if transfer is None or transfer.sender.identity != sender.identity:
             return self._unexpected(message, sender)
-        if transfer.check is not None:
-            return Reply()
+        if transfer.check is not None or sender.address != transfer.sender.address:
+            return Reply()  # Two stations have the same ids where neither has been given its own
         if message.seq != len(transfer.items):
             return self._request_again(transfer, now_us)
         item = self._readable(message)
@@ -195,9 +196,9 @@ class UploadReceiver:
 
     def cancel(self, sender: Sender) -> None:
         """Handle a MISSION_ACK of the uploader: cancel its upload."""
-        if self.is_by_another(sender) or self._store.is_writing:
-            return
-        self._transfer = None
+        transfer = self._transfer
+        if transfer is not None and transfer.sender == sender and not self._store.is_writing:
+            self._transfer = None
 
     def tick(self, now_us: int) -> Reply:
         """Continue the check, request again, or time out."""

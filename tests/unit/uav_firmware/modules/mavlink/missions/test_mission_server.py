@@ -224,6 +224,24 @@ def test_the_same_uploader_may_restart() -> None:
     assert [item.z for item in mission_of(harness).items] == [10.0, 10.0]
 
 
+def test_two_stations_with_the_same_ids_make_no_mission_of_items_of_both() -> None:
+    """Both have QGroundControl's 255; the second begins while an item of the first is under way."""
+    harness = MavlinkHarness()
+    harness.send(mission_count(2))
+    harness.run()
+    harness.send(mission_count(2), source=BROKER)
+    harness.send(mission_item(0, z=99.0))
+    harness.send(mavlink.MAVLink_mission_ack_message(SYSTEM, 1, CANCELLED, MISSION))
+    harness.run()
+    for seq in (0, 1):
+        requests = harness.received("MISSION_REQUEST_INT", at=BROKER)
+        assert [request.seq for request in requests] == [seq]
+        harness.send(mission_item(seq, z=20.0), source=BROKER)
+        harness.run()
+    assert types(harness.received("MISSION_ACK", at=BROKER)) == [ACCEPTED]
+    assert [item.z for item in mission_of(harness).items] == [20.0, 20.0]
+
+
 def test_the_uploader_may_cancel() -> None:
     harness = MavlinkHarness()
     upload(harness, 1)
