@@ -6,16 +6,13 @@ number, everything else by its message id. All functions run in the transaction 
 
 import base64
 import json
-import math
 import sqlite3
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
+from afarcloud.geodesy import distance_m
 from afarcloud.state import Alarm, Image, Report, StateVector
 from afarcloud.wire import Kind, write
 from edge_server.archive import flights
-
-EARTH_RADIUS_M: Final = 6_371_008.8
-
 
 Place: TypeAlias = tuple[float, float, float]
 """Latitude and longitude [deg], height above home [m]."""
@@ -86,10 +83,10 @@ def _extend(
     ).fetchone()
     if point_at is not None and stored.at < point_at:
         return
-    distance_m = (
+    flown_m = (
         0.0
         if point_at is None
-        else distance_between_m(latitude, longitude, state.latitude, state.longitude)
+        else distance_m(latitude, longitude, state.latitude, state.longitude)
     )
     connection.execute(
         "UPDATE flight SET latitude = ?, longitude = ?, point_at = ?, distance_m = distance_m + ?,"
@@ -98,23 +95,12 @@ def _extend(
             state.latitude,
             state.longitude,
             stored.at,
-            distance_m,
+            flown_m,
             stored.at,
             stored.received_at,
             flight,
         ),
     )
-
-
-def distance_between_m(
-    latitude_a_deg: float, longitude_a_deg: float, latitude_b_deg: float, longitude_b_deg: float
-) -> float:
-    """Return the distance along a sphere [m] (haversine)."""
-    latitude_a, latitude_b = math.radians(latitude_a_deg), math.radians(latitude_b_deg)
-    across = math.sin(math.radians(longitude_b_deg - longitude_a_deg) / 2.0) ** 2
-    along = math.sin((latitude_b - latitude_a) / 2.0) ** 2
-    chord = along + math.cos(latitude_a) * math.cos(latitude_b) * across
-    return 2.0 * EARTH_RADIUS_M * math.asin(math.sqrt(min(chord, 1.0)))
 
 
 def _take_picture(
