@@ -1,4 +1,4 @@
-"""Short distances over ground, on WGS 84's radii of curvature: exact to centimetres over a farm."""
+"""Places and distances over ground, on WGS 84's radii of curvature: centimetres over a farm."""
 
 import math
 from typing import Final, NamedTuple
@@ -12,6 +12,31 @@ class Metres(NamedTuple):
 
     north_m: float
     east_m: float
+
+
+class LocalPlane(NamedTuple):
+    """The plane that touches the globe at a place, in metres north and east of it."""
+
+    latitude_deg: float
+    longitude_deg: float
+    per_degree: Metres
+
+    @classmethod
+    def at(cls, latitude_deg: float, longitude_deg: float) -> "LocalPlane":
+        """The plane at a place."""
+        return cls(latitude_deg, longitude_deg, metres_per_degree(latitude_deg))
+
+    def to_plane(self, latitude_deg: float, longitude_deg: float) -> Metres:
+        """Where a place lies, by the shorter direction round the globe."""
+        east_deg = (longitude_deg - self.longitude_deg + 180.0) % 360.0 - 180.0
+        north_deg = latitude_deg - self.latitude_deg
+        return Metres(north_deg * self.per_degree.north_m, east_deg * self.per_degree.east_m)
+
+    def to_globe(self, north_m: float, east_m: float) -> tuple[float, float]:
+        """Latitude and longitude [deg] of a point of the plane."""
+        east_deg = east_m / max(self.per_degree.east_m, 1.0)
+        longitude_deg = (self.longitude_deg + east_deg + 180.0) % 360.0 - 180.0
+        return self.latitude_deg + north_m / self.per_degree.north_m, longitude_deg
 
 
 def offset(

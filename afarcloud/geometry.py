@@ -1,17 +1,15 @@
 """Plane geometry of fields and fences, good to centimetres over a farm.
 
-Points are (latitude_deg, longitude_deg). Distances use a local equirectangular plane: over
-5 km its error is below 0.1 %, far under a fence's own accuracy.
+Points are (latitude_deg, longitude_deg). Each ring is laid on the plane that touches the globe at
+one of its corners.
 """
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
-Point: TypeAlias = tuple[float, float]
+from afarcloud.geodesy import LocalPlane
 
-METRES_PER_DEGREE = 111_319.49
-"""Of latitude, and of longitude on the equator: WGS-84 semi-major axis times pi / 180."""
+Point: TypeAlias = tuple[float, float]
 
 
 class _Side(NamedTuple):
@@ -24,21 +22,9 @@ class _Side(NamedTuple):
     end: Point
 
 
-def _to_plane(point: Point, origin: Point) -> tuple[float, float]:
-    """East and north [m] of `point` from `origin`; by the shorter direction round the globe."""
-    d_longitude = (point[1] - origin[1] + 180.0) % 360.0 - 180.0
-    east = d_longitude * METRES_PER_DEGREE * math.cos(math.radians(origin[0]))
-    return east, (point[0] - origin[0]) * METRES_PER_DEGREE
-
-
-def distance_m(start: Point, end: Point) -> float:
-    """Distance over ground of two places a few kilometres apart."""
-    return math.hypot(*_to_plane(end, start))
-
-
 def contains(polygon: Sequence[Point], point: Point) -> bool:
     """Whether the polygon holds the point, by counting edges crossed to the east."""
-    plane = [_to_plane(vertex, point) for vertex in polygon]
+    plane = _on_plane(polygon, point)
     inside = False
     for (x1, y1), (x2, y2) in zip(plane, plane[1:] + plane[:1], strict=True):
         if (y1 > 0) != (y2 > 0) and x1 + (0 - y1) * (x2 - x1) / (y2 - y1) > 0:
@@ -48,22 +34,24 @@ def contains(polygon: Sequence[Point], point: Point) -> bool:
 
 def area_m2(ring: Sequence[Point]) -> float:
     """Size of what a ring encloses (shoelace formula)."""
-    plane = _on_plane(ring)
+    plane = _on_plane(ring, ring[0])
     pairs = zip(plane, [*plane[1:], plane[0]], strict=True)
     return abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs)) / 2.0
 
 
 def ring_fault(ring: Sequence[Point], smallest_m2: float) -> str | None:
     """Give why a ring encloses nothing that could be meant, or None."""
-    if (pair := _crossing(_on_plane(ring))) is not None:
+    if (pair := _crossing(_on_plane(ring, ring[0]))) is not None:
         first, second = sorted(pair)
         return f"crosses itself: side {first} and side {second}, counted from 0"
     return "has no area" if area_m2(ring) < smallest_m2 else None
 
 
-def _on_plane(ring: Sequence[Point]) -> list[Point]:
-    """East and north [m] of the first corner."""
-    return [_to_plane(corner, ring[0]) for corner in ring]
+def _on_plane(ring: Sequence[Point], origin: Point) -> list[Point]:
+    """East and north [m] of an origin."""
+    plane = LocalPlane.at(*origin)
+    offsets = (plane.to_plane(*corner) for corner in ring)
+    return [(offset.east_m, offset.north_m) for offset in offsets]
 
 
 def _crossing(plane: Sequence[Point]) -> tuple[int, int] | None:

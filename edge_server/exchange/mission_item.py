@@ -7,7 +7,7 @@ from enum import IntEnum
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from afarcloud.faults import Fault
-from afarcloud.geometry import METRES_PER_DEGREE
+from afarcloud.geodesy import LocalPlane
 
 Parameters: TypeAlias = tuple[float | None, ...]
 EXTRA: Final = "afarcloud"
@@ -103,21 +103,13 @@ class Place(NamedTuple):
 
     def moved(self, north_m: float, east_m: float) -> "Place":
         """The place so far away, at the same height."""
-        narrowing = math.cos(math.radians(self.latitude_deg))
-        return Place(
-            self.latitude_deg + north_m / METRES_PER_DEGREE,
-            self.longitude_deg + east_m / (METRES_PER_DEGREE * narrowing),
-            self.relative_altitude_m,
-        )
+        plane = LocalPlane.at(self.latitude_deg, self.longitude_deg)
+        return Place(*plane.to_globe(north_m, east_m), self.relative_altitude_m)
 
     def way_to(self, other: "Place") -> tuple[float, float]:
         """North and east [m] of another place from this one."""
-        narrowing = math.cos(math.radians(self.latitude_deg))
-        d_longitude = (other.longitude_deg - self.longitude_deg + 180.0) % 360.0 - 180.0
-        return (
-            (other.latitude_deg - self.latitude_deg) * METRES_PER_DEGREE,
-            d_longitude * METRES_PER_DEGREE * narrowing,
-        )
+        plane = LocalPlane.at(self.latitude_deg, self.longitude_deg)
+        return plane.to_plane(other.latitude_deg, other.longitude_deg)
 
     def distance_m(self, other: "Place") -> float:
         """Distance over ground."""

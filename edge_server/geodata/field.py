@@ -7,6 +7,7 @@ from pydantic import Field as Bounds
 
 from afarcloud import geometry
 from afarcloud.faults import Fault, InvalidError
+from afarcloud.geodesy import distance_m
 from afarcloud.numbers import Model, ShortText
 from afarcloud.plan import Polygon, Vertex
 
@@ -64,20 +65,20 @@ def _faults(field: Field) -> Iterator[Fault]:
     if field.holes and area_m2(field) < NOTHING_M2 < geometry.area_m2(field.boundary):
         yield Fault("holes", "leave nothing of the field")
     if field.entry is not None:
-        distance_m = min(geometry.distance_m(corner, field.entry) for corner in field.boundary)
-        if distance_m > FARTHEST_ENTRY_M:
-            text = f"is {distance_m:.0f} m from the field, at most {FARTHEST_ENTRY_M:.0f} m"
+        away_m = min(distance_m(*corner, *field.entry) for corner in field.boundary)
+        if away_m > FARTHEST_ENTRY_M:
+            text = f"is {away_m:.0f} m from the field, at most {FARTHEST_ENTRY_M:.0f} m"
             yield Fault("entry", text)
 
 
 def _far_corner(path: str, ring: Polygon, first: Vertex) -> Iterator[Fault]:
     """Give the first corner of a ring that cannot be of this field, if there is one."""
     for index, corner in enumerate(ring):
-        distance_m = geometry.distance_m(first, corner)
-        if distance_m > FARTHEST_CORNER_M:
+        away_m = distance_m(*first, *corner)
+        if away_m > FARTHEST_CORNER_M:
             yield Fault(
                 path,
-                f"corner {index} is {distance_m / 1000:.0f} km from the first one of the field, "
+                f"corner {index} is {away_m / 1000:.0f} km from the first one of the field, "
                 f"at most {FARTHEST_CORNER_M / 1000:.0f} km",
             )
             return

@@ -8,7 +8,7 @@ import math
 import re
 from typing import Final, NamedTuple
 
-from afarcloud.geometry import METRES_PER_DEGREE
+from afarcloud.geodesy import LocalPlane
 from afarcloud.plan import Vertex
 
 RGB: Final = "rgb"
@@ -46,18 +46,13 @@ def footprint(head: bytes) -> tuple[Vertex, ...] | None:
     if pitch > STEEPEST_DEG or height_m <= 0.0 or abs(latitude) > 89.0:
         return None
     right, down = float(middle[1]) / focal_mm, float(middle[2]) / focal_mm
+    plane = LocalPlane.at(latitude, longitude)
     corners = []
     for across, below in ((-right, -down), (right, -down), (right, down), (-right, down)):
         north, east, downward = _turned((1.0, across, below), yaw, pitch, roll)
         if downward < _STEEP_ENOUGH:
             return None
-        narrowing = METRES_PER_DEGREE * math.cos(math.radians(latitude))
-        corners.append(
-            (
-                latitude + height_m * north / downward / METRES_PER_DEGREE,
-                longitude + height_m * east / downward / narrowing,
-            )
-        )
+        corners.append(plane.to_globe(height_m * north / downward, height_m * east / downward))
     return tuple(corners)
 
 

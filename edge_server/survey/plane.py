@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Final, TypeAlias
 
 from afarcloud import geometry
-from afarcloud.geometry import METRES_PER_DEGREE
+from afarcloud.geodesy import LocalPlane
 
 Point: TypeAlias = tuple[float, float]
 Ring: TypeAlias = Sequence[Point]
@@ -31,9 +31,7 @@ class Frame:
 
     def to_plane(self, place: Point) -> Point:
         """From (latitude, longitude) [deg] to (along, across) [m]; across is to the right."""
-        d_longitude = (place[1] - self.longitude_deg + 180.0) % 360.0 - 180.0
-        east = d_longitude * METRES_PER_DEGREE * math.cos(math.radians(self.latitude_deg))
-        north = (place[0] - self.latitude_deg) * METRES_PER_DEGREE
+        north, east = LocalPlane.at(self.latitude_deg, self.longitude_deg).to_plane(*place)
         cosine, sine = self._turn()
         return north * cosine + east * sine, east * cosine - north * sine
 
@@ -42,9 +40,7 @@ class Frame:
         cosine, sine = self._turn()
         north = point[0] * cosine - point[1] * sine
         east = point[0] * sine + point[1] * cosine
-        narrowing = METRES_PER_DEGREE * math.cos(math.radians(self.latitude_deg))
-        longitude = (self.longitude_deg + east / narrowing + 180.0) % 360.0 - 180.0
-        return self.latitude_deg + north / METRES_PER_DEGREE, longitude
+        return LocalPlane.at(self.latitude_deg, self.longitude_deg).to_globe(north, east)
 
     def _turn(self) -> Point:
         angle = math.radians(self.bearing_deg)

@@ -1,4 +1,4 @@
-"""Three geodesies that share no formula: the firmware's, the simulator's and the tests'."""
+"""Four geodesies that share no formula: the firmware's, the simulator's, the farm's, the tests'."""
 
 import math
 
@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from afarcloud.geodesy import LocalPlane
 from sim.physics.earth import degrees_per_metre
 from tests.support.geodesy import LocalGround
 from uav_firmware.lib.geo import LocalFrame
@@ -40,6 +41,16 @@ def test_the_firmware_agrees(latitude: float, longitude: float, north: float, ea
     there = LocalGround(latitude, longitude, 650.0).place(north, east)
     firmware = LocalFrame(latitude, longitude, 650.0).to_ned(*there, 650.0)
     assert firmware[:2] == pytest.approx((north, east), abs=1e-4)
+
+
+@given(st.floats(-70.0, 70.0), longitudes, metres, metres)
+def test_the_plane_of_fields_and_flights_agrees_to_centimetres(
+    latitude: float, longitude: float, north: float, east: float
+) -> None:
+    there = LocalGround(latitude, longitude).place(north, east)
+    plane = LocalPlane.at(latitude, longitude)
+    assert plane.to_plane(*there) == pytest.approx((north, east), abs=0.15)
+    assert plane.to_globe(*plane.to_plane(*there)) == pytest.approx(there, abs=1e-9)
 
 
 @given(latitudes, longitudes)

@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 from afarcloud.faults import Fault, InvalidError
-from afarcloud.geometry import contains, distance_m
+from afarcloud.geodesy import distance_m
+from afarcloud.geometry import contains
 from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import Plan, Polygon
 from afarcloud.rules import name_faults
@@ -146,7 +147,7 @@ def _elsewhere(rings: Sequence[Polygon], home: Place) -> Iterator[Polygon]:
     may be the farmyard from which every drone of the farm takes off.
     """
     at = home.latitude, home.longitude
-    distances_m = ((min(distance_m(at, corner) for corner in ring), ring) for ring in rings)
+    distances_m = ((min(distance_m(*at, *corner) for corner in ring), ring) for ring in rings)
     near = sorted(pair for pair in distances_m if pair[0] <= NEAR_M)
     corners = 0
     for _, ring in near:

@@ -15,6 +15,7 @@ from afarcloud.wire import read_as
 from edge_server.exchange import from_commands, qgc_plan
 from edge_server.exchange.mission_item import Home
 from tests.support.cases import failures
+from tests.support.geodesy import LocalGround
 from tests.unit.edge_server.exchange.missions import HOME, TAKEOFF, at, missions, plan_file
 
 
@@ -155,11 +156,10 @@ def test_a_circle_becomes_a_polygon_on_the_safe_side(radius: float, bearing: flo
     assert len(file.warnings) == 2
     assert file.geofence is not None
     fence = read_as(Geofence, file.geofence)
-    narrowing = math.cos(math.radians(HOME[0]))
+    ground = LocalGround(*HOME)
 
     def away(distance_m: float) -> tuple[float, float]:
-        north, east = distance_m * math.cos(bearing), distance_m * math.sin(bearing)
-        return HOME[0] + north / 111_319.49, HOME[1] + east / 111_319.49 / narrowing
+        return ground.place(distance_m * math.cos(bearing), distance_m * math.sin(bearing))
 
     assert not geometry.contains(fence.inclusion[0], away(radius * 1.001))
     assert geometry.contains(fence.inclusion[0], away(radius * 0.99))

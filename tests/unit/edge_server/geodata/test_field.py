@@ -8,14 +8,14 @@ from hypothesis import strategies as st
 
 from afarcloud.faults import InvalidError
 from edge_server.geodata.field import Field, area_m2, check
+from tests.support.geodesy import LocalGround
 
 HOME = (40.4434, -3.7382)
 
 
 def place(east_m: float, north_m: float) -> tuple[float, float]:
     """A place so far from home."""
-    narrowing = math.cos(math.radians(HOME[0]))
-    return HOME[0] + north_m / 111_319.49, HOME[1] + east_m / 111_319.49 / narrowing
+    return LocalGround(*HOME).place(north_m, east_m)
 
 
 def ring(*corners: tuple[float, float]) -> tuple[tuple[float, float], ...]:
@@ -93,7 +93,7 @@ def test_a_field_is_more_than_its_holes() -> None:
 
 def test_a_corner_with_a_missing_sign_is_none_of_the_field() -> None:
     corners = ((40.443, -3.739), (40.444, -3.739), (40.444, 3.738), (40.443, -3.738))
-    far = "corner 2 is 633 km from the first one of the field, at most 100 km"
+    far = "corner 2 is 634 km from the first one of the field, at most 100 km"
     assert faults(Field(boundary=corners)) == {"boundary": far}
     hole = ((40.4434, -3.7387), (-40.4436, -3.7387), (40.4436, -3.7384))
     field = Field(boundary=square(1000.0), exclusions=(hole,))

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 from hypothesis import strategies as st
 
-from afarcloud.geometry import METRES_PER_DEGREE
 from edge_server.survey.plane import Area, Point
 from edge_server.survey.planner import Survey, _laid_out, survey
 from edge_server.survey.request import Home, Place, SurveyRequest
+from tests.support.geodesy import LocalGround
 
 LATITUDE_DEG, LONGITUDE_DEG = 40.4434, -3.7382
 HOME = Place(latitude=LATITUDE_DEG, longitude=LONGITUDE_DEG)
@@ -20,8 +20,7 @@ SAMPLES = 1500
 
 def place(east_m: float, north_m: float) -> tuple[float, float]:
     """A place some metres from the middle of the field."""
-    narrowing = METRES_PER_DEGREE * math.cos(math.radians(LATITUDE_DEG))
-    return LATITUDE_DEG + north_m / METRES_PER_DEGREE, LONGITUDE_DEG + east_m / narrowing
+    return LocalGround(LATITUDE_DEG, LONGITUDE_DEG).place(north_m, east_m)
 
 
 SQUARE = [place(-60, -40), place(60, -40), place(60, 40), place(-60, 40)]

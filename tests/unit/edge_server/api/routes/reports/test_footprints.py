@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from afarcloud.geometry import METRES_PER_DEGREE
 from sim.mosaic.georeference import georeference
+from tests.support.geodesy import LocalGround
 from tests.unit.edge_server.archive.flown import begin, send
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import JPEG
@@ -34,14 +34,9 @@ def test_the_ground_of_a_picture_is_that_of_mapping_software(
     survey = georeference(tmp_path / "picture.jpg")
     (corners,) = footprints(edge, picture)
     assert survey.corners is not None
-    for (latitude_deg, longitude_deg), (north_m, east_m) in zip(
-        corners, survey.corners, strict=True
-    ):
-        north_deg = latitude_deg - survey.latitude_deg
-        assert north_deg * METRES_PER_DEGREE == pytest.approx(north_m, abs=0.05)
-        narrowing = METRES_PER_DEGREE * 0.761  # Cosine of the place's latitude
-        east_deg = longitude_deg - survey.longitude_deg
-        assert east_deg * narrowing == pytest.approx(east_m, abs=0.1)
+    ground = LocalGround(survey.latitude_deg, survey.longitude_deg)
+    for corner, expected_m in zip(corners, survey.corners, strict=True):
+        assert ground.north_east_m(*corner) == pytest.approx(expected_m, abs=0.05)
 
 
 def test_a_picture_that_looks_ahead_or_says_nothing_is_no_map(edge: Edge, tmp_path: Path) -> None:
