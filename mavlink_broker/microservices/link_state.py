@@ -79,12 +79,7 @@ class LinkState(StrEnum):
 def own_heartbeat(kind: int = mavlink.MAV_TYPE_ONBOARD_CONTROLLER) -> Message:
     """HEARTBEAT(0) of the broker with a MAV_TYPE."""
     return mavlink.MAVLink_heartbeat_message(
-        kind,
-        mavlink.MAV_AUTOPILOT_INVALID,
-        0,
-        0,
-        mavlink.MAV_STATE_ACTIVE,
-        3,
+        kind, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
     )
 
 

@@ -12,9 +12,10 @@ from enum import Enum
 from typing import Any, Final
 
 from mavlink_broker.autopilots.status_texts import StatusTexts
-from mavlink_broker.mavlink.codec import Encoder
+from mavlink_broker.mavlink.codec import Encoder, is_signed
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.mavlink.signing import EPOCH, KEY_LENGTH, TICKS_PER_S, LinkSigning
+from mavlink_broker.microservices.link_state import own_heartbeat
 
 HEARTBEAT_TIMEOUT_S: Final = 10.0
 CONFIRMATION_TIMEOUT_S: Final = 8.0
@@ -104,13 +105,9 @@ class SigningSetup:
             self.outcome = Outcome.UNCONFIRMED if self._key else Outcome.NOT_REMOVED
             return []
         self._sent += 1
-        setup = self._encoder.encode(self._message(), self._signature(self._present))
+        present = self._current if self._signs_with_current else None
+        setup = self._encoder.encode(self._message(), self._signature(present))
         return [setup, self._heartbeat(self._new)]
-
-    @property
-    def _present(self) -> LinkSigning | None:
-        """Signing that the vehicle accepts before the change."""
-        return self._current if self._signs_with_current else None
 
     def _find(self, heartbeat: Message, now: float) -> None:
         if heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED:
@@ -119,7 +116,8 @@ class SigningSetup:
         if heartbeat.get_msgbuf()[0] != mavlink.PROTOCOL_MARKER_V2:
             self._sends_version_1 = True  # Many change to 2 after our first heartbeat
             return
-        if _is_signed(heartbeat):
+        signs = is_signed(heartbeat.get_msgbuf())
+        if signs:
             if _is_genuine(self._new, heartbeat):
                 self.outcome = Outcome.ALREADY
                 return
@@ -127,16 +125,17 @@ class SigningSetup:
                 self.outcome = Outcome.OTHER_KEY
                 return
         # Some sign only to who has signed; without a key they do not mind a signature.
-        self._signs_with_current = _is_signed(heartbeat) or self._key is None
+        self._signs_with_current = signs or self._key is None
         self._found = now
         self._next = now
 
     def _confirm(self, message: Message) -> None:
+        signs = is_signed(message.get_msgbuf())
         if self._key is None:
             is_late = self._sent >= _SENT_AT_LEAST
-            if is_late and message.get_type() == "HEARTBEAT" and not _is_signed(message):
+            if is_late and message.get_type() == "HEARTBEAT" and not signs:
                 self.outcome = Outcome.DONE
-        elif _is_signed(message) and _is_genuine(self._new, message):
+        elif signs and _is_genuine(self._new, message):
             self.outcome = Outcome.DONE
 
     def _message(self) -> Message:
@@ -150,23 +149,11 @@ class SigningSetup:
         )
 
     def _heartbeat(self, signing: LinkSigning | None) -> bytes:
-        message = mavlink.MAVLink_heartbeat_message(
-            mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
-            mavlink.MAV_AUTOPILOT_INVALID,
-            0,
-            0,
-            mavlink.MAV_STATE_ACTIVE,
-            3,
-        )
-        return self._encoder.encode(message, self._signature(signing))
+        return self._encoder.encode(own_heartbeat(), self._signature(signing))
 
     @staticmethod
     def _signature(signing: LinkSigning | None) -> Any:
         return None if signing is None else signing.next_signature()
-
-
-def _is_signed(message: Message) -> bool:
-    return bool(message.get_header().incompat_flags & mavlink.MAVLINK_IFLAG_SIGNED)
 
 
 def _is_genuine(signing: LinkSigning | None, message: Message) -> bool:
