@@ -109,7 +109,6 @@ class LocalEdge:
         self._accepted: list[int] = []
         self._next_id = len(self._missions) + 1
         self.statuses = {mission.mission_id: Status.NOT_STARTED for mission in missions}
-        self.reasons: dict[int, str] = {}
 
     @property
     def is_over(self) -> bool:
@@ -190,17 +189,14 @@ class LocalEdge:
         if body["status"] == "accepted":
             self._accepted.append(work_id)
         if mission is not None and body["status"] == "refused":
-            self._end(mission.mission_id, Status.FAILED, body.get("message"))
+            self._end(mission.mission_id, Status.FAILED)
 
     def _reported(self, report: dict[str, Any]) -> None:
-        status = Status(report["mission_status_id"])
-        self._end(report["mission_id"], status, report.get("message"))
+        self._end(report["mission_id"], Status(report["mission_status_id"]))
 
-    def _end(self, mission_id: int, status: Status, reason: str | None) -> None:
+    def _end(self, mission_id: int, status: Status) -> None:
         if mission_id in self.statuses and not self.statuses[mission_id].is_terminal:
             self.statuses[mission_id] = status
-        if reason is not None:
-            self.reasons[mission_id] = reason
 
     def _save(self, image: dict[str, Any]) -> None:
         """Store a picture under its own name, which the vocabulary has validated."""
