@@ -79,7 +79,7 @@ class TurnAngle:
             self._bearing = None
             return
         if self._bearing is not None:
-            step = math.remainder(bearing - self._bearing, 2.0 * math.pi)
+            step = math.remainder(bearing - self._bearing, math.tau)
             self.turned_rad += step if end.is_clockwise else -step
         elif self._first is not None:
             self._count_earlier(bearing, self._first)
@@ -88,9 +88,9 @@ class TurnAngle:
     def _count_earlier(self, bearing: float, first: float) -> None:
         """Add the angle that ends at this bearing and is nearest to the estimate."""
         direction = 1.0 if self._end.is_clockwise else -1.0
-        ahead = direction * (bearing - first) % (2.0 * math.pi)
-        turns = round((self._flown_rad - ahead) / (2.0 * math.pi))
-        self.turned_rad = max(0.0, ahead + turns * 2.0 * math.pi)
+        ahead = direction * (bearing - first) % (math.tau)
+        turns = round((self._flown_rad - ahead) / (math.tau))
+        self.turned_rad = max(0.0, ahead + turns * math.tau)
 
     @property
     def is_on_circle(self) -> bool:

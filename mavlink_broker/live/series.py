@@ -54,7 +54,7 @@ def reposition_command(
     home = vehicle.snapshot.home
     if home is None or spot is None:
         return None
-    yaw_rad = math.remainder(math.radians(heading_deg), 2.0 * math.pi)
+    yaw_rad = math.remainder(math.radians(heading_deg), math.tau)
     return reposition(spot, home, yaw_rad, speed_m_s=speed_m_s)
 
 

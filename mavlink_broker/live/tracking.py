@@ -56,7 +56,6 @@ AHEAD_S: Final = 2.5
 MAX_AHEAD_RAD: Final = 0.8
 MOVED_M: Final = 3.0
 """A subject so far from the centre of the circle moves."""
-_FULL_TURN_RAD: Final = 2.0 * math.pi
 
 
 class Subject(NamedTuple):
@@ -79,13 +78,11 @@ class QuickShot:
         away_m = distance_m(*subject[:2], here.latitude_deg, here.longitude_deg)
         self._radius_m = min(max(away_m, smallest), largest)
         slowest, fastest = CIRCLE_SPEED_M_S
-        needed_m_s = _FULL_TURN_RAD * self._radius_m / CIRCLE_WITHIN_S
+        needed_m_s = math.tau * self._radius_m / CIRCLE_WITHIN_S
         self._maximum_speed_m_s = maximum_speed_m_s
         self._speed_m_s = min(max(needed_m_s, slowest), fastest, maximum_speed_m_s)
         self._centre = subject
-        self._turning = TurnAngle(
-            Turned(*subject[:2], self._radius_m, _FULL_TURN_RAD, is_clockwise=True)
-        )
+        self._turning = TurnAngle(Turned(*subject[:2], self._radius_m, math.tau, is_clockwise=True))
         self._sequence: CommandSequence | None = None
         self._moves = False
         self._reposition_at = -math.inf

@@ -55,6 +55,10 @@ _PLAIN_FRAMES: Final = {
 }
 POSITION_STEP_DEG: Final = 1.6e-5
 """Resolution of single precision beyond 128 degrees; some 1.8 m."""
+POSITION_TOLERANCE_DEG: Final = 1.5e-7
+"""One unit of the encoded integer."""
+ALTITUDE_TOLERANCE_M: Final = 0.011
+"""ArduPilot stores centimetres."""
 _FLOATS: Final[int] = mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FLOAT
 _INTEGERS: Final[int] = mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
 

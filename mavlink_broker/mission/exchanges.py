@@ -27,7 +27,9 @@ from mavlink_broker.microservices.command import (
 )
 from mavlink_broker.microservices.mission_download import MissionVerify, VerifyOutcome
 from mavlink_broker.microservices.mission_protocol import (
+    ALTITUDE_TOLERANCE_M,
     POSITION_STEP_DEG,
+    POSITION_TOLERANCE_DEG,
     MissionSetCurrent,
     supports_only_float_items,
 )
@@ -35,10 +37,6 @@ from mavlink_broker.microservices.mission_upload import MissionUpload, UploadOut
 from mavlink_broker.planning.mission import FlightPlan
 from mavlink_broker.vehicle.vehicle import Vehicle
 
-ALTITUDE_TOLERANCE_M: Final = 0.011
-"""ArduPilot stores centimetres."""
-POSITION_TOLERANCE_DEG: Final = 1.5e-7
-"""One unit of the encoded integer."""
 HOME_TOLERANCE_DEG: Final = 2e-4
 """Some 20 m: vehicles set home when they are armed, at their estimated position."""
 PARAMETER_TOLERANCE: Final = 1e-5

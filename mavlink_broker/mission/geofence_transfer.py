@@ -35,6 +35,7 @@ from mavlink_broker.microservices.mission_protocol import (
     FENCE,
     PLAN_NAMES,
     POSITION_STEP_DEG,
+    POSITION_TOLERANCE_DEG,
     RALLY,
     supports_only_float_items,
 )
@@ -161,7 +162,7 @@ class VehicleSteps:
         return geofence.difference(
             wanted,
             held,
-            tolerance_deg=POSITION_STEP_DEG if self._floats else geofence.TOLERANCE_DEG,
+            tolerance_deg=POSITION_STEP_DEG if self._floats else POSITION_TOLERANCE_DEG,
             altitude_step_m=self.vehicle.family.rally_altitude_step_m,
         )
 

@@ -24,6 +24,7 @@ from mavlink_broker.effects import (
 )
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.pictures.announcements import (
+    MAX_CAMERAS,
     AnnouncementTracker,
     Capture,
     Feedback,
@@ -60,7 +61,6 @@ DEVELOPING: Final = 2
 """Pictures whose bytes are in memory at once."""
 MAX_UNFINISHED: Final = 1000
 MAX_IDENTITIES: Final = 4000
-MAX_CAMERAS: Final = 8
 
 _LOG = logging.getLogger(__name__)
 

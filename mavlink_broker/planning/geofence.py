@@ -23,7 +23,12 @@ from afarcloud.route import Spot
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem, from_message
-from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
+from mavlink_broker.microservices.mission_protocol import (
+    ALTITUDE_TOLERANCE_M,
+    FENCE,
+    POSITION_TOLERANCE_DEG,
+    RALLY,
+)
 from mavlink_broker.planning.hotpoint import kept_radius_m
 from mavlink_broker.planning.situation import Home, Refusal, RefusedError
 
@@ -32,8 +37,6 @@ CAPABILITIES: Final = {
     RALLY: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY,
 }
 """Bits of AUTOPILOT_VERSION for vehicles that store such items."""
-TOLERANCE_DEG: Final = 1.5e-7
-_ALTITUDE_TOLERANCE_M: Final = 0.011
 _RESEMBLES_WITHIN_M: Final = 20.0
 """A vehicle that stores a place coarsely, or wrongly; another party's fence is elsewhere."""
 _HAS_RADIUS: Final = frozenset(
@@ -85,7 +88,7 @@ def difference(
     wanted: Sequence[MissionItem],
     held: Sequence[MissionItem],
     *,
-    tolerance_deg: float = TOLERANCE_DEG,
+    tolerance_deg: float = POSITION_TOLERANCE_DEG,
     altitude_step_m: float = 0.0,
 ) -> str | None:
     """Name the first difference that matters, or None.
@@ -95,7 +98,7 @@ def difference(
     """
     if len(wanted) != len(held):
         return f"the vehicle holds {len(held)} items instead of {len(wanted)}"
-    altitude_m = max(_ALTITUDE_TOLERANCE_M, altitude_step_m)
+    altitude_m = max(ALTITUDE_TOLERANCE_M, altitude_step_m)
     for number, (one, other) in enumerate(zip(wanted, held, strict=True)):
         is_rally = one.command == mavlink.MAV_CMD_NAV_RALLY_POINT
         tolerance_m = 0.01 if one.command in _HAS_RADIUS else 0.0

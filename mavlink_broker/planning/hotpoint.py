@@ -17,7 +17,6 @@ from mavlink_broker.microservices.command import CommandInt
 from mavlink_broker.planning.flight_commands import speed_items
 from mavlink_broker.planning.situation import Circled, Items, LiveAction, Refusal, Situation, Turned
 
-FULL_TURN_RAD: Final = 2.0 * math.pi
 SPEED_MAX_M_S: Final = 10.0
 ACCELERATION_MAX_M_S2: Final = 0.98 * 0.98 * 2.0
 """PX4 limits the acceleration on an orbit to 2 m/s^2; it always accepts a little less."""
@@ -115,7 +114,7 @@ def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
             p.radius if p.is_clockwise else -p.radius,
             speed_m_s,
             heading,
-            FULL_TURN_RAD if counts else math.nan,
+            math.tau if counts else math.nan,
         ),
         latitude_deg=p.latitude,
         longitude_deg=p.longitude,
@@ -126,12 +125,12 @@ def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
         approach=start_point(p),
         approach_speed_m_s=situation.approach_speed_m_s,
         end=Turned(
-            *(p.latitude, p.longitude, p.radius, FULL_TURN_RAD),
+            *(p.latitude, p.longitude, p.radius, math.tau),
             is_clockwise=p.is_clockwise,
             speed_m_s=speed_m_s,
         ),
         finish=situation.family.holding,
-        within_s=2.0 * FULL_TURN_RAD * p.radius / speed_m_s + SLACK_S,
+        within_s=2.0 * math.tau * p.radius / speed_m_s + SLACK_S,
         notes=(*_limited(p, speed_m_s), *notes),
         ends_at=_end_point(p, situation),
     )
@@ -145,12 +144,12 @@ def _from_point_to_point(p: NavHotpointParameters, situation: Situation, reason:
         approach=_end_point(p, situation),
         approach_speed_m_s=situation.approach_speed_m_s,
         end=Circled(
-            turn=Turned(p.latitude, p.longitude, p.radius, FULL_TURN_RAD, p.is_clockwise),
+            turn=Turned(p.latitude, p.longitude, p.radius, math.tau, p.is_clockwise),
             height_m=p.orbit_altitude,
             speed_m_s=speed_m_s,
             heading=p.orbit_type,
         ),
-        within_s=3.0 * FULL_TURN_RAD * p.radius / speed_m_s + SLACK_S,
+        within_s=3.0 * math.tau * p.radius / speed_m_s + SLACK_S,
         notes=(*_limited(p, speed_m_s), reason),
         ends_at=_end_point(p, situation),
     )
