@@ -4,7 +4,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from mavlink_broker.vehicle.record_encoding import decode, encode
+from mavlink_broker.journal import decode_record, encode_record
 from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     RecordUpdate,
@@ -34,7 +34,7 @@ class ScriptedDisk:
     def begin(self) -> None:
         """Read the records of an earlier run."""
         self._queued = []
-        self._known = dict(decode(path.read_bytes()) for path in self._folder.iterdir())
+        self._known = dict(decode_record(path.read_bytes()) for path in self._folder.iterdir())
 
     def move(self, folder: Path) -> None:
         """Go on in another folder, with a copy of what is here."""
@@ -69,4 +69,4 @@ class ScriptedDisk:
         if update.record == EMPTY_RECORD:
             path.unlink(missing_ok=True)
         else:
-            path.write_bytes(encode(update.identity, update.record))
+            path.write_bytes(encode_record(update.identity, update.record))

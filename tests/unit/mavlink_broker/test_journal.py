@@ -8,9 +8,8 @@ import pytest
 
 from mavlink_broker import database as database_module
 from mavlink_broker.database import DATABASE_FILE, Database, read_rows
-from mavlink_broker.journal import JournalTable
+from mavlink_broker.journal import JournalTable, encode_record
 from mavlink_broker.microservices.config_overrides import OverriddenParameter
-from mavlink_broker.vehicle.record_encoding import encode
 from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     PendingReturn,
@@ -60,8 +59,8 @@ def test_a_refused_write_leaves_the_old_record(
     ("content", "reason"),
     [
         (b"", "does not begin like a recovery record"),
-        (encode(ONE, OLD)[:-7], "checksum"),
-        (encode(VehicleIdentity(2, ""), OLD), "it is the record of system 2"),
+        (encode_record(ONE, OLD)[:-7], "checksum"),
+        (encode_record(VehicleIdentity(2, ""), OLD), "it is the record of system 2"),
     ],
 )
 def test_an_invalid_record_is_set_aside_and_logged_once(

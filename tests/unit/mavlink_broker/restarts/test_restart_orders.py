@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from afarcloud.enumerations import EventType, Status
+from mavlink_broker.journal import decode_record
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.session import WAITS_FOR_LANDING
-from mavlink_broker.vehicle.record_encoding import decode
 from tests.support.broker_world import (
     FAMILIES,
     FINISHED,
@@ -181,7 +181,7 @@ class TestReturn:
 
 def orders_descent(record: Path) -> bool:
     """Whether a record on the disk orders an abort, or a return after an alarm."""
-    _, noted = decode(record.read_bytes())
+    _, noted = decode_record(record.read_bytes())
     return noted.abort is not None or noted.pending_return is not None
 
 

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mavlink_broker.journal import MAX_BYTES, JournalError, decode_record, encode_record
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.config_overrides import OverriddenParameter, OverriddenPlan
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.planning.situation import Pose
-from mavlink_broker.vehicle.record_encoding import MAX_BYTES, JournalError, decode, encode
 from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     LiveCommandProgress,
@@ -94,7 +94,7 @@ RECORDS = st.builds(
 IDENTITIES = st.builds(
     VehicleIdentity, st.integers(1, 255), st.text("0123456789abcdef", max_size=36)
 )
-ENCODED = encode(
+ENCODED = encode_record(
     IDENTITY, RecoveryRecord(borrowed={"FLW_TGT_HT": OverriddenParameter(8.0, (10.0,))})
 )
 
@@ -110,13 +110,13 @@ def encoded(body: object, version: int = 1) -> bytes:
 def test_a_record_is_decoded_as_it_was_encoded(
     identity: VehicleIdentity, record: RecoveryRecord
 ) -> None:
-    assert decode(encode(identity, record)) == (identity, record)
+    assert decode_record(encode_record(identity, record)) == (identity, record)
 
 
 @given(cut=st.integers(0, len(ENCODED) - 1))
 def test_an_incomplete_record_is_refused(cut: int) -> None:
     with pytest.raises(JournalError):
-        decode(ENCODED[:cut])
+        decode_record(ENCODED[:cut])
 
 
 @given(place=st.integers(0, len(ENCODED) - 1), flip=st.integers(1, 255))
@@ -124,13 +124,13 @@ def test_a_record_with_a_changed_byte_is_refused(place: int, flip: int) -> None:
     changed = bytearray(ENCODED)
     changed[place] ^= flip
     with pytest.raises(JournalError):
-        decode(bytes(changed))
+        decode_record(bytes(changed))
 
 
 @given(data=st.binary())
 def test_random_bytes_are_refused(data: bytes) -> None:
     with pytest.raises(JournalError):
-        decode(data)
+        decode_record(data)
 
 
 @settings(max_examples=40)
@@ -139,7 +139,7 @@ def test_random_bytes_are_refused(data: bytes) -> None:
 )
 def test_random_content_with_a_valid_checksum_is_refused_or_read(data: bytes) -> None:
     with pytest.raises(JournalError):
-        decode(encoded(data))
+        decode_record(encoded(data))
 
 
 @pytest.mark.parametrize(
@@ -157,25 +157,25 @@ def test_random_content_with_a_valid_checksum_is_refused_or_read(data: bytes) ->
 )
 def test_the_error_names_the_invalid_field(body: object, reason: str) -> None:
     with pytest.raises(JournalError, match=reason):
-        decode(encoded(body))
+        decode_record(encoded(body))
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
 def test_a_parameter_value_must_be_a_number(number: str) -> None:
     body = f'{{"system":1,"uid":"","borrowed":{{"X":{{"before":{number},"placed":[]}}}}}}'
     with pytest.raises(JournalError, match=r"borrowed\.X\.before"):
-        decode(encoded(body.encode()))
+        decode_record(encoded(body.encode()))
 
 
 def test_another_version_is_refused() -> None:
     with pytest.raises(JournalError, match="version"):
-        decode(encoded({"system": 1, "uid": ""}, version=2))
+        decode_record(encoded({"system": 1, "uid": ""}, version=2))
 
 
 def test_an_unset_yaw_stays_unset() -> None:
     item = MissionItem(command=mavlink.MAV_CMD_NAV_WAYPOINT, parameters=(0.0, 0.0, 0.0, math.nan))
-    _, record = decode(
-        encode(IDENTITY, RecoveryRecord(plans={FENCE: OverriddenPlan((item,), None)}))
+    _, record = decode_record(
+        encode_record(IDENTITY, RecoveryRecord(plans={FENCE: OverriddenPlan((item,), None)}))
     )
     assert math.isnan(record.plans[FENCE].before[0].parameters[3])
 
@@ -187,5 +187,5 @@ def test_values_of_a_hostile_vehicle_cannot_make_a_record_unreadable() -> None:
         RecoveryRecord(plans={FENCE: OverriddenPlan((MissionItem(command=5001),) * 5_001, None)}),
     ):
         with pytest.raises(JournalError):
-            encode(IDENTITY, record)
-    assert len(encode(IDENTITY, EMPTY_RECORD)) < 200 < MAX_BYTES
+            encode_record(IDENTITY, record)
+    assert len(encode_record(IDENTITY, EMPTY_RECORD)) < 200 < MAX_BYTES
