@@ -16,10 +16,9 @@ from typing import Final, NamedTuple
 from afarcloud.enumerations import AlarmCode, AlarmType
 from afarcloud.state import MESSAGE_LENGTH
 from mavlink_broker.autopilots.status_texts import TextMeaning, means
-from mavlink_broker.autopilots.tunnel_messages import alarm_parameters
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.microservices.link_state import MIN_MESSAGES, FrameLoss, PeriodicSource
-from mavlink_broker.vehicle.measurements import HUMIDITY, OBSERVED, readings
+from mavlink_broker.vehicle.measurements import HUMIDITY, OBSERVED, alarm_parameters, readings
 
 DEBOUNCE_S: Final = 2.0
 CHECK_EVERY_S: Final = 0.1

@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.autopilots.tunnel_messages import (
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.vehicle.alarms import PARAMETERS_HOLD_S, AlarmMonitor
+from mavlink_broker.vehicle.measurements import (
     ALARM_PARAMETERS,
     OBSERVATION,
+    Observations,
     TunnelObservation,
     alarm_parameters,
     tunnel_observation,
 )
-from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.vehicle.alarms import PARAMETERS_HOLD_S, AlarmMonitor
-from mavlink_broker.vehicle.measurements import Observations
 from mavlink_broker.vehicle.telemetry import Position, Snapshot
 
 
