@@ -11,7 +11,7 @@ StepRefusedError  the vehicle refuses a step, or does not answer
 
 import math
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final, Protocol, TypeAlias, TypeVar
 
 from mavlink_broker.autopilots.families import Family
@@ -170,13 +170,13 @@ class StepRefusedError(Exception):
     """The vehicle refuses a step, or does not answer."""
 
 
-@dataclass(slots=True)
 class SequenceRun:
     """A running sequence; accepted when it ends."""
 
-    sequence: ExchangeSequence
-    outcome: CommandOutcome | None = None
-    _running: Exchange[Any] | None = field(default=None)
+    def __init__(self, sequence: ExchangeSequence) -> None:
+        self._sequence = sequence
+        self._running: Exchange[Any] | None = None
+        self.outcome: CommandOutcome | None = None
 
     def start(self, now: float) -> list[Message]:
         """Begin; it may be over at once."""
@@ -200,7 +200,7 @@ class SequenceRun:
 
     def _advance(self, outcome: Any, now: float) -> list[Message]:
         try:
-            self._running = self.sequence.send(outcome)
+            self._running = self._sequence.send(outcome)
         except StopIteration:
             self.outcome = Accepted()
             return []

@@ -10,14 +10,14 @@ HeldOtherwiseError  the vehicle holds something else than was placed; a StepRefu
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from afarcloud.plan import Geofence
 from mavlink_broker.autopilots.parameter_settings import FenceParameters
 from mavlink_broker.mavlink.dialect import Message, Route
 from mavlink_broker.mavlink.mission_item import to_message
-from mavlink_broker.microservices.command import CommandOutcome, Refused, RoundTrip
+from mavlink_broker.microservices.command import Refused, RoundTrip
 from mavlink_broker.microservices.config_overrides import (
     Items,
     OverriddenParameter,
@@ -224,43 +224,21 @@ class WantedGeofence:
         return self.rally if kind == RALLY else geofence.fence_items(self.fence)
 
 
-@dataclass(slots=True)
-class GeofenceTransfer:
+class GeofenceTransfer(SequenceRun):
     """The transfer to one vehicle."""
 
-    wanted: WantedGeofence
-    vehicle: Vehicle
-    notes: list[str] = field(default_factory=list)
-    own_limit_m: float | None = None  # The vehicle's height limit, narrower than the plan's
-    _steps: VehicleSteps = field(init=False)
-    _run: SequenceRun = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Prepare the sequence."""
-        self._steps = VehicleSteps(self.vehicle)
-        self._run = SequenceRun(self._go())
-
-    @property
-    def outcome(self) -> CommandOutcome | None:
-        """How it ended; None while it runs."""
-        return self._run.outcome
+    def __init__(self, wanted: WantedGeofence, vehicle: Vehicle) -> None:
+        super().__init__(self._go())
+        self._wanted = wanted
+        self._vehicle = vehicle
+        self._steps = VehicleSteps(vehicle)
+        self.notes: list[str] = []
+        self.own_limit_m: float | None = None  # The vehicle's limit, narrower than the plan's
 
     @property
     def is_needless(self) -> bool:
         """Whether nothing is to be placed or restored."""
-        return self.wanted.is_nothing and not self.vehicle.overrides.is_open
-
-    def start(self, now: float) -> list[Message]:
-        """Begin; it may be over at once."""
-        return self._run.start(now)
-
-    def receive(self, message: Message, now: float) -> list[Message]:
-        """Handle a message of the vehicle."""
-        return self._run.receive(message, now)
-
-    def tick(self, now: float) -> list[Message]:
-        """Repeat what is overdue."""
-        return self._run.tick(now)
+        return self._wanted.is_nothing and not self._vehicle.overrides.is_open
 
     def _go(self) -> ExchangeSequence:
         for kind in (FENCE, RALLY):
@@ -269,11 +247,11 @@ class GeofenceTransfer:
 
     def _keeps(self, kind: int) -> bool:
         """Whether the vehicle's capabilities include such plans."""
-        return bool(self.vehicle.capabilities & geofence.CAPABILITIES[kind])
+        return bool(self._vehicle.capabilities & geofence.CAPABILITIES[kind])
 
     def _transfer_plan(self, kind: int) -> ExchangeSequence:
-        items, plans = self.wanted.items(kind), self.vehicle.overrides.plans
-        wants_any = bool(items) or (kind == FENCE and self.wanted.fence is not None)
+        items, plans = self._wanted.items(kind), self._vehicle.overrides.plans
+        wants_any = bool(items) or (kind == FENCE and self._wanted.fence is not None)
         if not self._keeps(kind):
             plans.pop(kind, None)
             if wants_any:
@@ -282,7 +260,7 @@ class GeofenceTransfer:
             refusal: str | None = None
             for attempt in range(TRANSFERS):
                 if attempt:
-                    yield Wait(lambda waited_s: waited_s >= self.vehicle.family.busy_pause_s)
+                    yield Wait(lambda waited_s: waited_s >= self._vehicle.family.busy_pause_s)
                 held = yield from self._steps.read_items(kind)
                 refusal = yield from self._replace(kind, held, items)
                 if refusal is None:
@@ -294,7 +272,7 @@ class GeofenceTransfer:
 
         What it holds is not known any more then: it may be taking something of another system.
         """
-        plans = self.vehicle.overrides.plans
+        plans = self._vehicle.overrides.plans
         override = plans.get(kind)
         if (
             override
@@ -333,7 +311,7 @@ class GeofenceTransfer:
 
     def _transfer_parameters(self) -> ExchangeSequence:
         """Set what enforces the geofence; restore the other parameters."""
-        family, geofence = self.vehicle.family, self.wanted.fence
+        family, geofence = self._vehicle.family, self._wanted.fence
         if geofence is None or not self._keeps(FENCE):
             yield from self._restore_parameters(kept=frozenset())
             return
@@ -343,11 +321,11 @@ class GeofenceTransfer:
             if value is not None:
                 held[name] = value
         self._drop_foreign_values(held)
-        overrides = self.vehicle.overrides.values
+        overrides = self._vehicle.overrides.values
         before = {
             name: overrides[name].before if name in overrides else held[name] for name in held
         }
-        parameters = family.fence_parameters(before, geofence, self.wanted.highest_m)
+        parameters = family.fence_parameters(before, geofence, self._wanted.highest_m)
         if parameters.lacks is not None:
             raise StepRefusedError(parameters.lacks)
         yield from self._enforce(parameters, held, before)
@@ -365,7 +343,7 @@ class GeofenceTransfer:
         must_switch = held.get(switch or "") and latched in {setting.name for setting in others}
         if switch is not None and must_switch:
             others = [Setting(switch, 0.0), *others, Setting(switch, 1.0)]
-        overrides = self.vehicle.overrides.values
+        overrides = self._vehicle.overrides.values
         for name, value in others:
             overrides[name] = (
                 overrides.get(name) or OverriddenParameter(before[name], ())
@@ -379,7 +357,7 @@ class GeofenceTransfer:
 
     def _restore_parameters(self, kept: frozenset[str]) -> ExchangeSequence:
         """Restore the values that no geofence needs any more, the last one first."""
-        overrides = self.vehicle.overrides.values
+        overrides = self._vehicle.overrides.values
         for name in [name for name in reversed(overrides) if name not in kept]:
             if (yield from self._stays_on(name)):
                 continue
@@ -395,14 +373,14 @@ class GeofenceTransfer:
 
         It enables also a fence that the vehicle had enabled itself, and will not again in flight.
         """
-        switch, by_itself = self.vehicle.family.fence_switch or (None, "")
-        if name != switch or self.vehicle.snapshot.is_on_ground:
+        switch, by_itself = self._vehicle.family.fence_switch or (None, "")
+        if name != switch or self._vehicle.snapshot.is_on_ground:
             return False
         return bool((yield from self._steps.read_parameter(by_itself)))
 
     def _drop_foreign_values(self, held: Mapping[str, float]) -> None:
         """Keep what another system has set since."""
-        overrides = self.vehicle.overrides.values
+        overrides = self._vehicle.overrides.values
         for name in [n for n in overrides if n in held and not overrides[n].is_ours(held[n])]:
             del overrides[name]
 
