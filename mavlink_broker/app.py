@@ -400,8 +400,7 @@ class App:
         if member is None and (work.was_accepted or self._is_starting):
             system = self._config.system_of(work.vehicle_id)
             member = None if system is None else self._fleet.get_or_add(system, work.vehicle_id)
-        late = work.expires_at is not None and now >= work.expires_at
-        expired = late and not work.was_accepted
+        expired = work.is_expired(now)
         if member is None or expired:
             reason = "expired" if expired else f"vehicle {work.vehicle_id} is not known"
             self._post(work.answer("refused", reason), work.vehicle_id)

@@ -40,20 +40,30 @@ MAX_KNOWN_WORK: Final = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MissionWork:
-    """A mission to fly; `report` is the last one that the edge server has of it."""
+class _AnsweredWork:
+    """Work that is accepted, refused or done."""
 
     work_id: int
+    was_accepted: bool = False  # By an earlier run of the broker, which did not complete it
+    expires_at: float | None = None  # [s] On the broker's clock
+    identity: str | None = None  # That the edge server gives it, repeated in each answer
+
+    def answer(self, status: str, message: str | None = None) -> Acknowledgement:
+        """Answer this work, and none that has its number with another edge server."""
+        return Acknowledgement(self.work_id, status, message, self.identity)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionWork(_AnsweredWork):
+    """A mission to fly; `report` is the last one that the edge server has of it."""
+
     plan_id: str
     vehicle_id: int
     mission: Mission
     geofence: Geofence | None = None  # Of its plan
     rally_points: tuple[RallyPoint, ...] = ()  # Of its plan
-    was_accepted: bool = False  # By an earlier run of the broker
     report: MissionReport | None = None
     reported_at: float | None = None  # [s] Time of that report, on the broker's clock
-    expires_at: float | None = None  # [s] On the broker's clock
-    identity: str | None = None  # That the edge server gives it, repeated in each answer
 
     @property
     def key(self) -> tuple[int, str, int]:
@@ -75,10 +85,6 @@ class MissionWork:
         """The identity as text, without the mission's number."""
         return f"{self.work_id}/{self.plan_id}"
 
-    def answer(self, status: str, message: str | None = None) -> Acknowledgement:
-        """Answer this work, and none that has its number with another edge server."""
-        return Acknowledgement(self.work_id, status, message, self.identity)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateVectorWork:
@@ -95,14 +101,10 @@ carried out any more, unless the journal knows it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EventWork:
+class EventWork(_AnsweredWork):
     """An event that interrupts a flight; it is assigned again until it has been answered."""
 
-    work_id: int
     event: Event
-    was_accepted: bool = False  # By an earlier run of the broker, which did not complete it
-    expires_at: float | None = None  # [s] On the broker's clock
-    identity: str | None = None  # That the edge server gives it, repeated in each answer
 
     @property
     def vehicle_id(self) -> int:
@@ -129,9 +131,10 @@ class EventWork:
         is_late = self.expires_at is not None and now >= self.expires_at + RESUMED_WITHIN_S
         return self.was_accepted and is_late
 
-    def answer(self, status: str, message: str | None = None) -> Acknowledgement:
-        """Answer this work, and none that has its number with another edge server."""
-        return Acknowledgement(self.work_id, status, message, self.identity)
+    def is_expired(self, now: float) -> bool:
+        """Whether it is not accepted any more; what an earlier run has accepted never expires."""
+        is_late = self.expires_at is not None and now >= self.expires_at
+        return is_late and not self.was_accepted
 
 
 @dataclass(frozen=True, slots=True)

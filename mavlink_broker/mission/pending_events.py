@@ -263,8 +263,7 @@ class PendingEvents:
         """Refuse the waiting events that have expired, with what they have waited for."""
         self._refuse_too_old(effects)
         for work in list(self._waiting):
-            late = work.expires_at is not None and now >= work.expires_at
-            if late and not work.was_accepted:
+            if work.is_expired(now):
                 answer = work.answer("refused", self._reason_of_expiry)
                 if self.has_ended_missions(work):
                     note = f"{self._reason_of_expiry}: only the missions that waited were ended"
