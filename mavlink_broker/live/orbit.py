@@ -199,7 +199,8 @@ class CircleExecutor:
         self._end = end
         self._vehicle = vehicle
         self._first: tuple[float, float] | None = None  # Bearing from the centre, heading [deg]
-        self._number = 0
+        self.steps = 0
+        """The number of points that were reached."""
         self._count = point_count(end.turn.radius_m)
         self.start: Pose | None = None  # Its pose at the beginning
         self._sequence: CommandSequence | None = None
@@ -210,17 +211,12 @@ class CircleExecutor:
         """Continue with the point that an earlier run of the broker has sent."""
         if note.start is not None:
             self._begin_at(note.start)
-            self._number = note.steps
-
-    @property
-    def steps(self) -> int:
-        """The number of points that were reached."""
-        return self._number
+            self.steps = note.steps
 
     @property
     def is_over(self) -> bool:
         """Whether the last point, which is the first one, was reached."""
-        return self._number > self._count
+        return self.steps > self._count
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Process a message of the vehicle."""
@@ -241,7 +237,7 @@ class CircleExecutor:
             case Refused(reason):
                 self.reason = reason
             case Accepted() if self._is_near():
-                self._number += 1
+                self.steps += 1
                 self._sequence = None
         return messages
 
@@ -255,7 +251,7 @@ class CircleExecutor:
         vehicle = self._vehicle
         go = reposition_command(vehicle, spot, heading_deg, speed_m_s=self._end.speed_m_s)
         commands: list[Command | None] = [go]
-        if vehicle.family.speed_by_command and self._number == 0:
+        if vehicle.family.speed_by_command and self.steps == 0:
             commands.append(speed_command(self._end.speed_m_s))
         if vehicle.family.yaw_by_condition:
             commands.append(heading_command(vehicle, spot, heading_deg))
@@ -270,7 +266,7 @@ class CircleExecutor:
         """Give the point that the vehicle flies to, and the heading there."""
         bearing_deg, first_heading_deg = self._first or (0.0, 0.0)
         turn, direction = self._end.turn, 1.0 if self._end.turn.is_clockwise else -1.0
-        bearing_deg += direction * 360.0 * self._number / self._count
+        bearing_deg += direction * 360.0 * self.steps / self._count
         place = shifted(turn.latitude_deg, turn.longitude_deg, bearing_deg, turn.radius_m)
         spot = Spot(*place, self._end.height_m)
         offset_deg = HEADING_OFFSET_DEG.get(self._end.heading)
@@ -284,6 +280,6 @@ class CircleExecutor:
         if position is None:
             return False
         spot, _ = self._point()
-        last = self._number == self._count
+        last = self.steps == self._count
         near_m = NEAR_M if last else max(NEAR_M, AHEAD_S * self._end.speed_m_s)
         return distance_m(*position[:2], *spot[:2]) <= near_m

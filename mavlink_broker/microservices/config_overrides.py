@@ -71,7 +71,8 @@ class ParameterOverrider:
     def __init__(self) -> None:
         self._requested: tuple[ParameterOverride, ...] = ()
         self._overridden: dict[str, OverriddenParameter] = {}  # To be restored
-        self._is_loaded = False  # Loaded from an earlier run, no overrides set since
+        self.is_loaded = False
+        """Whether overrides of an earlier run are kept because they may still be needed."""
         self._written_values: dict[str, float] = {}
         self._refused: dict[str, str] = {}  # Reason, for every name that failed
         self._running: tuple[Setting, ParameterWrite] | None = None
@@ -82,7 +83,7 @@ class ParameterOverrider:
 
         What was requested before and still is counts as set.
         """
-        self._is_loaded = False
+        self.is_loaded = False
         if self._requested == tuple(overrides):
             return
         both = set(self._requested) & set(overrides)
@@ -97,12 +98,7 @@ class ParameterOverrider:
     def load(self, overridden: Mapping[str, OverriddenParameter]) -> None:
         """Take what an earlier run has overridden; it stays until `set_overrides` is called."""
         self._overridden = {**self._overridden, **overridden}
-        self._is_loaded = bool(overridden)
-
-    @property
-    def is_loaded(self) -> bool:
-        """Whether overrides of an earlier run are kept because they may still be needed."""
-        return self._is_loaded
+        self.is_loaded = bool(overridden)
 
     @property
     def overridden(self) -> Mapping[str, OverriddenParameter]:
@@ -166,7 +162,7 @@ class ParameterOverrider:
         """Return what to write now: first values to restore, then requested overrides."""
         names = {setting.name for override in self._requested for setting in override}
         for name, overridden in reversed(self._overridden.items()):
-            if name not in names and not self._is_loaded:
+            if name not in names and not self.is_loaded:
                 return Setting(name, overridden.before)
         for override in self._requested:
             if not self._is_set(override):

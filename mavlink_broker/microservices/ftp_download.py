@@ -176,7 +176,8 @@ class FileDownload:
         self._requests = PendingRequests(route, first_seq)
         self._phase = _Phase.OPENING
         self._session: int | None = None
-        self._file = PartialFile(0) if partial is None else partial
+        self.partial = PartialFile(0) if partial is None else partial
+        """The data received so far."""
         self._bursts = BurstTracker()
         self._window = ReadWindow()
         self._supports_bursts = True
@@ -196,11 +197,6 @@ class FileDownload:
     def next_seq(self) -> int:
         """Sequence number after the last request, for the next transfer."""
         return self._requests.next_seq
-
-    @property
-    def partial(self) -> PartialFile:
-        """The data received so far."""
-        return self._file
 
     def start(self, now: float) -> list[Message]:
         """Send the first request."""
@@ -247,7 +243,7 @@ class FileDownload:
     def _go_on(self, now: float) -> list[Message]:
         if self.outcome is not None:
             return []
-        if self._phase is _Phase.READING and not self._file.missing:
+        if self._phase is _Phase.READING and not self.partial.missing:
             self._enter(_Phase.CHECKING)
         if self._phase is _Phase.READING:
             return [] if self.is_paused else self._read_on(now)
@@ -270,13 +266,13 @@ class FileDownload:
         """Request the next burst for a large gap, and missing pieces."""
         if self._bursts.is_active:
             return []
-        tail = self._file.size - self._bursts.position
+        tail = self.partial.size - self._bursts.position
         least = min(
             BURST_GAP_BYTES, max(tail, 2 * DATA_MAX)
         )  # The end of the file comes by burst too
-        at = self._file.missing.first_gap(least, self._bursts.position)
+        at = self.partial.missing.first_gap(least, self._bursts.position)
         if not self._supports_bursts or at is None:
-            return self._read_pieces(now, self._file.size)
+            return self._read_pieces(now, self.partial.size)
         messages = []
         if not self._requests.count(ftp_requests.BURST) and now >= self._not_before:
             self._bursts.position = at
@@ -289,7 +285,7 @@ class FileDownload:
         requested = self._requests.offsets(ftp_requests.READ)
         allowed = self._window.allowance(now, len(requested))
         messages: list[Message] = []
-        for offset, size in self._file.missing.pieces(DATA_MAX) if allowed else ():
+        for offset, size in self.partial.missing.pieces(DATA_MAX) if allowed else ():
             if len(messages) >= allowed or offset >= end:
                 break
             if offset not in requested:
@@ -315,7 +311,7 @@ class FileDownload:
         self._has_burst = True
         if is_first:
             self._bursts.start(now)
-        is_new = self._file.write(answer.offset, answer.data)
+        is_new = self.partial.write(answer.offset, answer.data)
         self._bursts.received(now, answer.offset + len(answer.data), is_new=is_new)
         if answer.is_complete and self._bursts.is_active:
             self._end_burst(now)
@@ -358,34 +354,34 @@ class FileDownload:
         elif size == 0:
             self._close(NotFetched("it is empty"))
         else:
-            if size != self._file.size:
+            if size != self.partial.size:
                 self._restarts += 1
-                self._file = PartialFile(size)
+                self.partial = PartialFile(size)
             self._bursts = BurstTracker()
             self._enter(_Phase.READING)
 
     def _read(self, answer: Packet) -> None:
-        self._file.write(answer.offset, answer.data)
-        is_served = answer.offset not in self._file.missing  # Perhaps by a late packet
+        self.partial.write(answer.offset, answer.data)
+        is_served = answer.offset not in self.partial.missing  # Perhaps by a late packet
         self._useless_answers = 0 if is_served else self._useless_answers + 1
         if self._useless_answers >= MAX_USELESS_ANSWERS:
             self._close(NotFetched("the vehicle sends no data of it"))
 
     def _check(self, answer: Packet) -> None:
         expected = _WORD.unpack_from(answer.data)[0] if len(answer.data) >= _WORD.size else None
-        if expected in {None, self._file.checksum}:
-            self._close(Fetched(self._file.data))
+        if expected in {None, self.partial.checksum}:
+            self._close(Fetched(self.partial.data))
         elif self._restarts >= MAX_RESTARTS:
             self._close(NotFetched("the checksum of the received file is wrong"))
         else:  # Perhaps the file was still being written: it is opened again
-            self._file = PartialFile(0)
+            self.partial = PartialFile(0)
             self._enter(_Phase.CLOSING)
 
     def _refused(self, answer: Packet, now: float) -> None:
         error, again = answer.error, {ftp_requests.INVALID_SESSION, ftp_requests.END_OF_FILE}
         match answer.requested:
             case ftp_requests.CHECKSUM:  # The server computes none: all bytes were received
-                self._close(Fetched(self._file.data))
+                self._close(Fetched(self.partial.data))
             case ftp_requests.TERMINATE:
                 self._closed()
             case ftp_requests.RESET:
@@ -437,7 +433,7 @@ class FileDownload:
             case ftp_requests.TERMINATE:
                 self._closed()
             case ftp_requests.CHECKSUM:
-                self._close(Fetched(self._file.data))
+                self._close(Fetched(self.partial.data))
             case ftp_requests.BURST if not self._has_burst:
                 self._supports_bursts = False
             case ftp_requests.RESET:

@@ -26,7 +26,7 @@ class Segments:
         self._mission = mission
         self._flight = flight  # Name of the work
         self._vehicle = vehicle
-        self._itinerary: Itinerary | None = None
+        self.itinerary: Itinerary | None = None  # Until it is translated
         self._number = 0
 
     def translate(self) -> None:
@@ -36,7 +36,7 @@ class Segments:
             RefusedError: for the first command that cannot be flown.
         """
         vehicle = self._vehicle
-        self._itinerary = translate(
+        self.itinerary = translate(
             self._mission,
             vehicle.family,
             vehicle.snapshot.home or Home(0.0, 0.0, 0.0),
@@ -48,11 +48,6 @@ class Segments:
         )
 
     @property
-    def itinerary(self) -> Itinerary | None:
-        """The whole of it, once it has been made."""
-        return self._itinerary
-
-    @property
     def speed_m_s(self) -> float:
         """At which it is flown."""
         return self._mission.maximum_speed
@@ -60,7 +55,7 @@ class Segments:
     def set_speed(self, speed_m_s: float) -> None:
         """Fly what is still to come at another speed."""
         self._mission = self._mission.model_copy(update={"maximum_speed": speed_m_s})
-        if self._itinerary is not None:
+        if self.itinerary is not None:
             self.translate()
 
     def shorten(self) -> bool:
@@ -90,17 +85,17 @@ class Segments:
     @property
     def notes(self) -> tuple[tuple[str, ...], ...]:
         """Per command: what was left out or is done differently."""
-        return () if self._itinerary is None else self._itinerary.notes
+        return () if self.itinerary is None else self.itinerary.notes
 
     @property
     def ends_on_ground(self) -> bool:
         """Whether the vehicle is on the ground when all segments are over."""
-        return self._itinerary is None or self._itinerary.ends_on_ground
+        return self.itinerary is None or self.itinerary.ends_on_ground
 
     @property
     def current(self) -> Segment:
         """The segment that is flown; before the translation an empty one."""
-        return FlightPlan.empty() if self._itinerary is None else self._segments[self._number]
+        return FlightPlan.empty() if self.itinerary is None else self._segments[self._number]
 
     @property
     def plan(self) -> FlightPlan:
@@ -162,9 +157,9 @@ class Segments:
 
     def go_to(self, command: int) -> None:
         """Go to the segment of a command."""
-        if self._itinerary is not None:
-            self._number = self._itinerary.segment_of(command)
+        if self.itinerary is not None:
+            self._number = self.itinerary.segment_of(command)
 
     @property
     def _segments(self) -> tuple[Segment, ...]:
-        return () if self._itinerary is None else self._itinerary.segments
+        return () if self.itinerary is None else self.itinerary.segments

@@ -36,11 +36,13 @@ class VehicleTime:
         self._ahead_s: float | None = 0.0  # The broker's clock; None: the vehicle has restarted
         self._newest_s: float | None = None  # By the vehicle's clock, as it was received
         self._behind_since: float | None = None  # When that has gone back
-        self._is_known = False
+        self.is_known = False
+        """Whether the vehicle's clock was received in this run of the broker."""
         self._assumed_s = -math.inf  # When a restart was assumed that nothing has proved yet
         self._epoch_s = 0.0  # Added to the vehicle's time, which a restart sets back
         self._epoch_before_s: float | None = None  # The same, before the vehicle's last restart
-        self._latest_s = 0.0
+        self.latest_s = 0.0
+        """The latest time that was given."""
         # This time, the broker's, and what a restart has added to this one, of the last minutes
         self._received = deque[tuple[float, float, float]](maxlen=round(RECENT_S / _EVERY_S))
 
@@ -52,11 +54,11 @@ class VehicleTime:
         self._newest_s = time_s
         if not self._received or now - self._received[-1][1] >= _EVERY_S:
             self._received.append((time_s + self._epoch_s, now, self._epoch_s))
-        was_known, self._is_known = self._is_known, True
+        was_known, self.is_known = self.is_known, True
         self._ahead_s = now - time_s
         if was_known:
             return 0.0
-        self._latest_s = self._epoch_s
+        self.latest_s = self._epoch_s
         return -self._ahead_s
 
     def _may_be_restarted(self, time_s: float, now: float) -> bool:
@@ -79,7 +81,7 @@ class VehicleTime:
 
         So is what was before an unseen restart: how long before is not known.
         """
-        is_known = self._is_known and not self._is_of_unseen_boot(time_s)
+        is_known = self.is_known and not self._is_of_unseen_boot(time_s)
         return not is_known or self.at(now) - time_s <= RECENT_S
 
     def _is_of_unseen_boot(self, time_s: float) -> bool:
@@ -93,7 +95,7 @@ class VehicleTime:
         if self._is_of_unseen_boot(time_s):
             time_s = self._epoch_s - OWN_CLOCK_S
         later_s, later, later_epoch_s = self.at(now), now, self._epoch_s
-        if not self._is_known or time_s >= later_s:
+        if not self.is_known or time_s >= later_s:
             return now
         for earlier_s, earlier, epoch_s in reversed(self._received):
             if earlier_s <= time_s:
@@ -107,11 +109,6 @@ class VehicleTime:
             later_s, later, later_epoch_s = earlier_s, earlier, epoch_s
         age_s = (later_s - time_s) / self._rate  # Before the first time that was received
         return later - age_s if age_s <= RECENT_S else now
-
-    @property
-    def is_known(self) -> bool:
-        """Whether the vehicle's clock was received in this run of the broker."""
-        return self._is_known
 
     @property
     def knows_rate(self) -> bool:
@@ -142,21 +139,16 @@ class VehicleTime:
         """The time by the newest clock that was received; None before that."""
         return None if self._newest_s is None else self._newest_s + self._epoch_s
 
-    @property
-    def latest_s(self) -> float:
-        """The latest time that was given."""
-        return self._latest_s
-
     def restarted(self) -> float:
         """Begin anew with a vehicle that has restarted; gives the time of its start."""
-        is_assumed = self._latest_s - self._assumed_s < _PROVED_LATE_S and not self.is_doubtful
+        is_assumed = self.latest_s - self._assumed_s < _PROVED_LATE_S and not self.is_doubtful
         self._assumed_s = -math.inf
         return self._epoch_s if is_assumed else self._begin_epoch()
 
     def _begin_epoch(self) -> float:
         self._epoch_before_s = self._epoch_s
-        self._epoch_s = self._latest_s + 2.0 * RECENT_S
-        self._ahead_s = None if self._is_known else self._ahead_s
+        self._epoch_s = self.latest_s + 2.0 * RECENT_S
+        self._ahead_s = None if self.is_known else self._ahead_s
         self._newest_s = self._behind_since = None
         return self._epoch_s
 
@@ -167,7 +159,7 @@ class VehicleTime:
     def at(self, now: float) -> float:
         """Give the time, which goes on over restarts."""
         time_s = self.since_boot_s(now) + self._epoch_s
-        self._latest_s = max(self._latest_s, time_s)
+        self.latest_s = max(self.latest_s, time_s)
         return time_s
 
     def of(
@@ -184,7 +176,7 @@ class VehicleTime:
             return since_boot_s + self._epoch_before_s
         if is_same_clock and is_before:  # An earlier run of the broker has seen the restart
             return since_boot_s + self._epoch_s - UNSEEN_BOOT_S
-        return (min(since_boot_s, now_s) if self._is_known else since_boot_s) + self._epoch_s
+        return (min(since_boot_s, now_s) if self.is_known else since_boot_s) + self._epoch_s
 
     def _is_before(self, since_boot_s: float, utc_s: float | None, now_s: float) -> bool:
         """Whether something is older than the vehicle's last restart.

@@ -63,7 +63,8 @@ class ArmedPeriod:
 
     def __init__(self) -> None:
         self._holder = Holder.OURS
-        self._is_armed: bool | None = None  # By its newest heartbeat; None: not received yet
+        self.is_armed: bool | None = None
+        """By the vehicle's newest heartbeat; None: not received yet."""
         self._flown: ObservedMode | None = None  # By the newest heartbeat that showed it armed
         self._is_others_mode = False  # Somebody else has it by that, from a mission; it may pass
         self._forgotten_mode: str | None = None  # That of `_flown`, before a restart
@@ -95,9 +96,9 @@ class ArmedPeriod:
         gap_s, self._heard_at = now - self._heard_at, now
         if seen.armed:
             self._flown = seen
-            if not self._is_armed:
+            if not self.is_armed:
                 self._begin(now)
-        elif self._is_armed:
+        elif self.is_armed:
             self._is_end_unseen, self._disarmed_at = gap_s > UNSEEN_S, now
             self._is_disarmed_by_others = now - self._disarming_at <= DISARMED_WITHIN_S
             is_lost = self.is_others and self._is_others_mode
@@ -106,11 +107,11 @@ class ArmedPeriod:
             self._left_at = now if self.is_others else None
         elif self.stood_s(now) is None:
             self._left_at = None
-        self._is_armed = seen.armed
+        self.is_armed = seen.armed
 
     def _begin(self, now: float) -> None:
         is_ordered = now - self._ordered_at <= ARMING_SHOWN_WITHIN_S
-        self.is_found = not is_ordered and self._is_armed is None
+        self.is_found = not is_ordered and self.is_armed is None
         not_ordered = Holder.FOUND if self.is_found else Holder.OTHERS
         self._holder = Holder.OURS if is_ordered else not_ordered
         self._ordered_at, self._left_at, self._forgotten_mode = -math.inf, None, None
@@ -127,7 +128,7 @@ class ArmedPeriod:
 
     def note_mode(self, *, is_others: bool) -> None:
         """Note whether somebody else has it from a mission, by the mode in which it is armed."""
-        if self._is_armed:
+        if self.is_armed:
             self._is_others_mode = is_others
 
     def end_mission(self) -> None:
@@ -145,28 +146,28 @@ class ArmedPeriod:
         """Note that the vehicle flies, hovers or comes down for a mission of the broker."""
         if self._holder is Holder.FOUND:  # It may have landed before its mission was recognised
             self._holder, self._left_at = Holder.OURS, None
-        elif self._is_armed and self._holder is not Holder.TAKEN:
+        elif self.is_armed and self._holder is not Holder.TAKEN:
             self._holder = Holder.OURS
 
     def take_away(self) -> None:
         """Note that another system, or its failsafe, has taken an armed vehicle from a mission."""
-        if self._is_armed:
+        if self.is_armed:
             self._holder = Holder.TAKEN
 
     def lose(self) -> None:
         """Note that another system has taken an armed vehicle that no mission flew."""
-        if self._is_armed and self._holder is not Holder.TAKEN:
+        if self.is_armed and self._holder is not Holder.TAKEN:
             self._holder = Holder.OTHERS
 
     def end_by_others(self, now: float) -> None:
         """Note that another system had a disarmed vehicle when it was disarmed, a moment ago."""
-        if not self._is_armed:
+        if not self.is_armed:
             self._holder, self._left_at = Holder.OTHERS, now
 
     @property
     def was_disarmed_by_others(self) -> bool:
         """Whether another system's order has disarmed it, of a vehicle that is disarmed."""
-        return not self._is_armed and self._is_disarmed_by_others
+        return not self.is_armed and self._is_disarmed_by_others
 
     @property
     def is_taken(self) -> bool:
@@ -178,11 +179,6 @@ class ArmedPeriod:
         """Whether it is somebody else's, as far as is known."""
         return self._holder is not Holder.OURS
 
-    @property
-    def is_armed(self) -> bool | None:
-        """Whether the vehicle was armed when it was received last; None: it was not received."""
-        return self._is_armed
-
     def was_theirs_in(self, mode: str | None) -> bool:
         """Whether an earlier run has noted, in this period, that somebody else has it in a mode."""
         return self.is_found and mode is not None and mode == self._noted_before
@@ -191,7 +187,7 @@ class ArmedPeriod:
     def has_ended_unseen(self) -> bool:
         """Whether the vehicle was disarmed while it was not received, or before this run."""
         is_unseen = self._flown is None and self._forgotten_mode is None
-        return self._is_armed is False and (is_unseen or self._is_end_unseen)
+        return self.is_armed is False and (is_unseen or self._is_end_unseen)
 
     def flown_mode(self, seen: ObservedMode) -> ObservedMode:
         """Give the mode of an armed vehicle; of a disarmed one, the last in which it was armed.
@@ -223,13 +219,13 @@ class ArmedPeriod:
     @property
     def noted_mode(self) -> str | None:
         """In which somebody else has it, or had it while it has to stand for him; else None."""
-        if self._is_armed is None:
+        if self.is_armed is None:
             return self._noted_before
-        is_theirs = self.is_others and (self._is_armed or self._left_at is not None)
-        is_undecided = self._is_others_mode and (self._is_armed or not self.is_others)
+        is_theirs = self.is_others and (self.is_armed or self._left_at is not None)
+        is_undecided = self._is_others_mode and (self.is_armed or not self.is_others)
         if not is_theirs and not is_undecided:
             return None
-        is_unknown = self._holder is Holder.FOUND and self._is_armed and not is_undecided
+        is_unknown = self._holder is Holder.FOUND and self.is_armed and not is_undecided
         if is_unknown:
             return self._noted_before
         seen = self._forgotten_mode if self._flown is None else self._flown.mode
@@ -245,7 +241,7 @@ class ArmedPeriod:
 
     def obstacle(self, now: float) -> str | None:
         """Name why no mission may arm the vehicle because of somebody else; None if one may."""
-        if self._is_armed and self.is_others:
+        if self.is_armed and self.is_others:
             return ARMED_BY_OTHERS
         return None if self.stood_s(now) is None else LEFT_BY_OTHERS
 

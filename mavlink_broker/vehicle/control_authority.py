@@ -198,18 +198,14 @@ class OwnDescent:
     """The return or landing that the broker ordered last, while the vehicle flies it."""
 
     def __init__(self) -> None:
-        self._is_ordered = False
+        self.is_flown = False
+        """Whether the vehicle flies it, or is about to; else another system decides."""
         self._ordered_at: float | None = None  # None: since the last update
         self._mode: str | None = None  # None: the vehicle has not shown it yet
         self._mode_before = ""
         self._mode_at_order: str | None = None
         self._sought: str | None = None  # That of an earlier run, until the vehicle is received
         self.began_s: float | None = None  # By the vehicle's clock since boot
-
-    @property
-    def is_flown(self) -> bool:
-        """Whether the vehicle flies it, or is about to; else another system decides."""
-        return self._is_ordered
 
     @property
     def is_sought(self) -> bool:
@@ -219,7 +215,7 @@ class OwnDescent:
     @property
     def mode(self) -> str | None:
         """The mode in which the vehicle flies it, or did for an earlier run; None: it does not."""
-        return self._mode if self._is_ordered else self._sought
+        return self._mode if self.is_flown else self._sought
 
     def recall(self, mode: str | None, began_s: float | None) -> None:
         """Restore the mode in which it was flown for an earlier run of the broker."""
@@ -227,7 +223,7 @@ class OwnDescent:
 
     def own_mode(self, seen: ObservedMode) -> str | None:
         """The mode in which it was ordered, while the vehicle shows that one; None afterwards."""
-        is_before = self._is_ordered and self._mode is None and seen.mode == self._mode_before
+        is_before = self.is_flown and self._mode is None and seen.mode == self._mode_before
         return seen.mode if is_before else None
 
     def order(self, mode: str) -> None:
@@ -237,13 +233,13 @@ class OwnDescent:
     def begin(self, seen: ObservedMode, time_s: float | None) -> None:
         """Note that the vehicle has accepted the order, at a time of its clock."""
         is_shown = seen.role is ModeRole.ENDING and seen.mode != self._mode_at_order
-        self._is_ordered, self._ordered_at = True, None
+        self.is_flown, self._ordered_at = True, None
         self._mode = seen.mode if is_shown else None
         self._mode_before, self._sought, self.began_s = seen.mode, None, time_s
 
     def end(self) -> None:
         """Note that it is over, or that something else is ordered."""
-        self._is_ordered, self._sought = False, None
+        self.is_flown, self._sought = False, None
 
     def update(
         self,
@@ -263,8 +259,8 @@ class OwnDescent:
             is_timed = time_s is not None and self.began_s is not None
             flown_s = (time_s or 0.0) - (self.began_s or 0.0) if is_timed else 0.0
             self._mode, self._sought, self._ordered_at = self._sought, None, -math.inf
-            self._is_ordered = 0.0 <= flown_s <= LONGEST_DESCENT_S
-        if not self._is_ordered:
+            self.is_flown = 0.0 <= flown_s <= LONGEST_DESCENT_S
+        if not self.is_flown:
             return
         if self._ordered_at is None:
             self._ordered_at = now
@@ -272,13 +268,13 @@ class OwnDescent:
         if not seen.armed or is_down:
             self.end()
         elif seen.ordered is not None and (seen.role is ModeRole.ENDING or not seen.is_known):
-            self._is_ordered = False  # By another system, behind the broker's order
+            self.is_flown = False  # By another system, behind the broker's order
         elif is_new and seen.role is ModeRole.ENDING:
             # The first heartbeats may still show the mode of before
             is_another = self._mode not in {None, self._mode_at_order, seen.mode}
-            self._mode, self._is_ordered = seen.mode, not is_another
+            self._mode, self.is_flown = seen.mode, not is_another
         elif not is_new:
-            self._is_ordered = seen.mode == self._mode if seen.is_known else not seen.is_manual
+            self.is_flown = seen.mode == self._mode if seen.is_known else not seen.is_manual
 
 
 HOVERS_WITHIN_M: Final = 30.0
