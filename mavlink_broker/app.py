@@ -50,8 +50,9 @@ IDLE_WAIT_S: Final = 0.02
 """Longest wait of the loop, the resolution of timeouts. Datagrams and work end it at once."""
 SWEEP_INTERVAL_S: Final = 10.0
 STEP_INTERVAL_S: Final = 0.015
-"""Each session is stepped so often. In between one is stepped that has received a mission, a job's
-outcome, or any message but those of `READ_LATER`: twenty vehicles send 500 messages a second."""
+"""Interval of the steps of each session. A session is also stepped when it has received a mission,
+the outcome of a job, or a message that is not in `READ_LATER`: twenty vehicles send 500 messages a
+second."""
 READ_LATER: Final = (
     frozenset(
         {
@@ -78,16 +79,17 @@ PAYLOAD_MESSAGES: Final = (
 MAX_WARNING_CHARACTERS: Final = 255
 """Longest warning that the edge server accepts."""
 MAX_WAITING_PICTURES: Final = 8
-"""With so many unanswered none is fetched: pictures are safer on the vehicle than in memory."""
+"""No picture is fetched while so many are unanswered: pictures are safer on the vehicle than in
+memory."""
 
 STOOD_STILL_S: Final = 2.0
-"""A loop that has not run for so long was suspended, or its machine was."""
+"""After a longer pause of the loop, the program or its machine was suspended."""
 HEARTBEAT_WITHIN_S: Final = 3.0
-"""A vehicle that is connected has sent a heartbeat by then, at 1 Hz and one may be lost."""
+"""A connected vehicle sends heartbeats at 1 Hz, of which one may be lost."""
 MAX_READS: Final = 64
-"""Of what has waited meanwhile: the buffers of all links hold less."""
+"""Limit of reads after a pause; the buffers of all links hold less."""
 STARTUP_S: Final = 30.0
-"""A restarted broker has received its vehicles and its unfinished missions by then."""
+"""Time in which a restarted broker receives its vehicles and its unfinished missions."""
 FLYING: Final = frozenset({ModeRole.MISSION, ModeRole.GUIDED})
 TRANSFERS: Final = frozenset(
     {State.ATTACHING, State.PLACING_GEOFENCE, State.UPLOADING, State.VERIFYING, State.SELECTING}

@@ -26,7 +26,7 @@ ONBOARD_COMPUTER: Final = 191
 """MAV_COMP_ID_ONBOARD_COMPUTER."""
 DEFAULT_STATE_VECTOR_INTERVAL_S: Final = 1.0
 DEFAULT_BATTERY_CAPACITY_AH: Final = 5.2
-"""Of the vehicle that this system was first built for; used if a vehicle does not report it."""
+"""For a vehicle that does not report it: that of the first vehicle of this system."""
 MAX_INTERVAL_S: Final = 86_400.0
 DEFAULT_SPOOL_MIB: Final = 16
 MAX_SPOOL_MIB: Final = 1024

@@ -67,7 +67,7 @@ COMMIT;
 _PRAGMAS: Final = ("journal_mode=WAL", "synchronous=FULL", "secure_delete=OFF", "auto_vacuum=NONE")
 _PAGE_BYTES: Final = 4096
 _CHECKPOINT_PAGES: Final = 64
-"""The log is emptied so often that it stays within what is allocated."""
+"""Size of the log at which it is emptied; it stays within the allocated space."""
 _DAMAGE: Final = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 _ERRNO: Final = {
     sqlite3.SQLITE_FULL: errno.ENOSPC,

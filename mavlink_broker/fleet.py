@@ -41,9 +41,10 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 NO_NUMBER: Final = ""
 """Number of a vehicle that has sent none, or not yet."""
 LONGEST_FLIGHT_S: Final = 6 * 3600.0
-"""How long the time of day of results goes on though the machine's was set back."""
+"""How long results keep the time of day of the flight after the machine's clock was set back."""
 _READ_WITHIN: Final = timedelta(seconds=1.0)
-"""Of each other the two clocks of the machine are read, and corrected little by little."""
+"""Tolerance: the two clocks of the machine are read one after the other and are corrected
+slowly."""
 _LOG = logging.getLogger(__name__)
 
 

@@ -23,13 +23,13 @@ from typing import Final
 TRACEBACK_INTERVAL_S: Final = 30.0
 """Shortest interval of log entries about the same error of the same vehicle."""
 WARNING_DURATION_S: Final = 600.0
-"""A warning ends so long after the latest error."""
+"""A warning expires so long after the latest error."""
 LOCATIONS_KEPT: Final = 256
 _LOG = logging.getLogger(__name__)
 FIRST_PAUSE_S: Final = 0.5
 LONGEST_PAUSE_S: Final = 30.0
 STABLE_AFTER_S: Final = 60.0
-"""After a thread has run for so long, its next pause is the shortest again."""
+"""After a thread has run for longer, its next pause is the shortest one."""
 
 
 def reason_of(error: Exception) -> str:

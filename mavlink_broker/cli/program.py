@@ -46,7 +46,7 @@ _STATUSES: Final = {
 }
 
 _EARLIER_FILES: Final = ("spool.words", "spool.pictures", "spool.dead", "vehicle-*.json")
-"""Of the spool and the journal before they became one database."""
+"""Files of the spool and the journal before they were in one database."""
 MAX_LOG_BYTES: Final = 10 * 1024 * 1024
 """Size at which a file is renamed and the next one is begun."""
 MAX_LOG_FILES: Final = 4

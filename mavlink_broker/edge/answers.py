@@ -21,15 +21,16 @@ from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.wire import VEHICLE_LANE, AcceptanceResult, is_acknowledgement
 
 MAX_LOGGED_CHARACTERS: Final = 500
-"""Of a refusal's text."""
+"""Longest logged text of a refusal."""
 KNOWN: Final = "Idempotency-Key was used"
 """The edge server's refusal of another body under a key that it has received before."""
 ANSWERS_KEPT: Final = 16
-"""A drift of 100 ppm makes 30 ms within so many long polls."""
+"""Within so many long polls a drift of 100 ppm adds up to 30 ms."""
 SET_BACK_S: Final = 1.0
 """More than the clocks drift apart within the answers that are kept."""
 FIRST_TRIP_S: Final = 1.0
-"""Of the first answer, if orders are judged by its time: an order expires in 10 s at the least."""
+"""Longest exchange of a first answer whose time is used to judge orders: an order expires after 10
+s or more."""
 
 _RETRIED: Final = frozenset(
     {

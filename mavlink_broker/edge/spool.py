@@ -40,11 +40,11 @@ from mavlink_broker.edge.outbox import DeadLetter, Post, Urgency
 
 MIB: Final = 1 << 20
 ROWS_PER_DELETION: Final = 50
-"""In one transaction, which so fits into the reserve of the database."""
+"""Rows deleted in one transaction, which fits into the reserve of the database."""
 PICTURES_SHARE: Final = 2
-"""Pictures may take one part in so many."""
+"""Divisor: the part of the space that pictures may use."""
 DEAD_LETTERS_SHARE: Final = 4
-"""Dead letters have a limit of their own: one part in so many."""
+"""Divisor: the size of the separate space of the dead letters."""
 
 _CHECKSUM_LENGTH: Final = 9
 """Eight digits and a blank."""

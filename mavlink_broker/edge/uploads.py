@@ -45,7 +45,7 @@ from mavlink_broker.links.frame_log import copy_frames
 
 FORMAT: Final = "tlog"
 BEFORE_S: Final = 60.0
-"""The frames begin so long before arming: with the upload of the mission and the checks."""
+"""Time before arming that is included: the upload of the mission and the checks."""
 AFTER_S: Final = 2.0
 PART_BYTES: Final = 256 << 10
 MAX_LOGS: Final = 16
@@ -54,7 +54,7 @@ _RETRIED: Final = frozenset({HTTPStatus.NOT_FOUND, HTTPStatus.CONFLICT})
 """The flight may not be archived yet; a part may have been received, and its answer lost."""
 _MAX_REASON: Final = 300
 _MAX_LOG_BYTES: Final = (1 << 32) - 1
-"""Of LOG_ENTRY and LOG_REQUEST_DATA."""
+"""Limit of the size field of LOG_ENTRY and LOG_REQUEST_DATA."""
 _NAME: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 

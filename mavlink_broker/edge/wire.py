@@ -96,8 +96,8 @@ class StateVectorWork:
 
 
 RESUMED_WITHIN_S: Final = 600.0
-"""An event that an earlier run has accepted, and that is given out so long after its expiry, is not
-carried out any more, unless the journal knows it."""
+"""An event that an earlier run has accepted is carried out until so long after its expiry; later
+only if the journal contains it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -295,7 +295,7 @@ VEHICLE_LANE: Final = "vehicle"
 _MISSION_LANE: Final = wire.Kind.MISSION_REPORT.value
 _WORK: Final = "/broker/commands/"
 _HASH_LENGTH: Final = 48
-"""Of a key's 64 characters; the kind's name and a dash precede it."""
+"""Of a key's 64 characters; before it are the name of the kind and a dash."""
 
 
 def post_for(message: EdgeMessage, *, vehicle_id: int, recorded_at: datetime, key: str) -> Post:

@@ -37,7 +37,7 @@ from mavlink_broker.links.url import ANY_ADDRESS, Address, LinkKind, LinkUrl
 LOOKUP_INTERVAL_S: Final = 30.0
 """Interval at which a known name is resolved again: a vehicle may return with another address."""
 UNKNOWN_LOOKUP_INTERVAL_S: Final = 2.0
-"""The same while the name is unknown."""
+"""Interval while the name is unknown."""
 RECEIVE_BUFFER_BYTES: Final = 1 << 20
 MAX_DATAGRAM_BYTES: Final = 4096
 """Longer ones are truncated: no sender packs more frames than a network packet holds."""

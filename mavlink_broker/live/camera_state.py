@@ -31,11 +31,11 @@ SERIES_REQUEST_EVERY_S: Final = 0.5
 SERIES_SILENT_AFTER_S: Final = 5.0
 """The broker does not wait longer for a camera that does not answer."""
 SERIES_EXTRA_S: Final = 20.0
-"""Beyond the duration of the series itself."""
+"""Added to the duration of the series."""
 _STATUS: Final[int] = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS
 _IDLE: Final = 0
 SILENT_AFTER_S: Final = 3.0
-"""Several times as long as a working camera is silent."""
+"""Several times the longest silence of a working camera."""
 REQUEST_EVERY_S: Final = 1.0
 ANSWER_TIMEOUT_S: Final = 20.0
 """For a camera that does not answer; `SeriesMonitor` adds as much to the time of a series."""

@@ -35,7 +35,8 @@ COUNTED_FROM: Final = 0.7
 MAX_DEVIATION_M: Final = 0.25
 MAX_STEP_DEG: Final = 15.0
 AHEAD_S: Final = 0.8
-"""The next point is sent so long before: some round trips, and the time to slow down."""
+"""Flight time before a point at which the next one is sent: some round trips, and the time to slow
+down."""
 NEAR_M: Final = 1.0
 HEADING_OFFSET_DEG: Final = {
     OrbitType.ALONG_CIRCLE_LOOKING_FORWARDS: 90.0,

@@ -35,7 +35,7 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 FACING_WITHIN_DEG: Final = 5.0
 POSE_WITHIN_M: Final = 1.5
 STEP_TIMEOUT_S: Final = 40.0
-"""Then the step counts as done: a picture from a nearby pose is better than none."""
+"""After this time the step counts as done: a picture from a nearby pose is better than none."""
 TURN_RATE_DEG_S: Final = 30.0
 
 

@@ -52,10 +52,10 @@ CIRCLE_SPEED_M_S: Final = (3.0, 5.0)
 CIRCLE_WITHIN_S: Final = 50.0
 REPOSITION_EVERY_S: Final = 0.5
 AHEAD_S: Final = 2.5
-"""The point is so far ahead that the vehicle does not slow down."""
+"""Flight time to the point, so that the vehicle does not slow down."""
 MAX_AHEAD_RAD: Final = 0.8
 MOVED_M: Final = 3.0
-"""A subject so far from the centre of the circle moves."""
+"""A subject further from the centre of the circle counts as moving."""
 
 
 class Subject(NamedTuple):
@@ -196,7 +196,7 @@ QUICK_RETREAT: Final = Move(forward_m=-15.0, up_m=10.0)
 """Flown instead of a circle: backwards and up, the subject in sight."""
 STOP_AGAIN_AFTER_S: Final = 10.0
 STOP_ATTEMPTS: Final = 5
-"""Each repeats its command some times."""
+"""Each attempt repeats its command several times."""
 
 _ACTIVE: Final[int] = mavlink.CAMERA_TRACKING_STATUS_FLAGS_ACTIVE
 _NO_POSITION: Final = 2**31 - 1

@@ -26,7 +26,7 @@ SIGNATURE_LENGTH: Final = 13
 DIGEST_LENGTH: Final = 6
 
 SEQUENCES: Final = 256
-"""Numbers of the frames of one sender, which begin at 0 again."""
+"""Number of sequence numbers of a sender, from 0 on."""
 _MAX_FAULTS_PER_DATAGRAM: Final = 16
 """Limit for a datagram full of start bytes, which would be slow to search."""
 _OVERHEAD: Final = {VERSION_1: 8, VERSION_2: 12}

@@ -143,7 +143,7 @@ def source_of(message: Message) -> Source:
 
 
 BOOT_MS_VALUES: Final = 1 << 32
-"""Of `time_boot_ms`, which begins at 0 again behind the last one, after 49.7 days."""
+"""Number of values of `time_boot_ms`, which overflows after 49.7 days."""
 
 
 def boot_ms_of(message: Message) -> int | None:

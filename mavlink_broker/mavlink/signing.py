@@ -42,7 +42,7 @@ _LOG = logging.getLogger(__name__)
 EPOCH: Final = datetime(2015, 1, 1, tzinfo=UTC)
 TICKS_PER_S: Final = 100_000
 CLOCK_SET: Final = datetime(2025, 1, 1, tzinfo=UTC)
-"""A time before this is of a computer whose clock is not set."""
+"""A computer that shows an earlier time has no clock that is set."""
 MAX_LEAD: Final = timedelta(days=365)
 """Largest lead of a timestamp over our clock. A year, because a computer without a battery for its
 clock may be months behind a vehicle that has its time from satellites."""

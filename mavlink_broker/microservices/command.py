@@ -70,7 +70,7 @@ PROGRESS_TIMEOUT_S: Final = 3.0
 REJECTION_PAUSE_S: Final = 1.0
 REJECTIONS: Final = 5
 JUDGED_WITHIN_S: Final = 0.3
-"""Between the early acceptance of a command and its judgement: PX4 needs some 20 ms."""
+"""Longest time from the early acceptance of a command to its judgement: PX4 needs some 20 ms."""
 
 Seven: TypeAlias = tuple[float, float, float, float, float, float, float]
 

@@ -39,7 +39,7 @@ from mavlink_broker.mavlink.codec import SEQUENCES
 from mavlink_broker.mavlink.dialect import BOOT_MS_VALUES, Message, Route, mavlink
 
 HEARTBEAT_EVERY_S: Final = 1.0
-"""Of the broker's own heartbeats."""
+"""Interval of the broker's own heartbeats."""
 STALE_AFTER_S: Final = 2.0
 LOST_AFTER_S: Final = 5.0
 TOLERANCE_MS: Final = 1000
@@ -51,7 +51,7 @@ SILENCE_S: Final = 2.0
 JUMP_GAP_S: Final = 3.0
 """Longer than the interval of any message that is requested: the vehicle was silent."""
 JUMP_MS: Final = 500
-"""Behind such a gap: a clock that is further from what it should show may be another vehicle's."""
+"""After such a gap: a clock with a larger deviation may be another vehicle's."""
 JUMP_WITHOUT_GAP_MS: Final = 5000
 """Without a gap: a radio delays one frame more than the frame before it, by less than this."""
 REAL_TIME: Final = 1000.0
@@ -228,12 +228,11 @@ def _has_wrapped(newest_ms: int, time_boot_ms: int) -> bool:
 SEQUENCE_GAP_S: Final = 0.5
 """After such a gap the numbers prove nothing: the vehicle may have counted round or restarted."""
 COPIED_WITHIN_S: Final = 3.0
-"""So late may the network repeat a frame; one of a restarted vehicle may be the same later."""
+"""Longest delay of a frame that the network repeats; a later one may be an equal frame of a
+restarted vehicle."""
 BEHIND_IN_A_ROW: Final = 10
-"""So many frames in a row behind the newest one are not late: the numbers begin anew.
-
-A vehicle may number the frames of each of its links, and be received on another one from now on.
-"""
+"""So many frames in a row behind the newest one are not late: the numbers begin again. A vehicle
+may number the frames of each of its links, and be received on another link from now on."""
 
 
 STATES: Final = frozenset({"HEARTBEAT", "EXTENDED_SYS_STATE", "MISSION_CURRENT"})
@@ -357,7 +356,7 @@ of the twenty requests are lost once in a million times."""
 LONGEST_TRIP_S: Final = 3.0
 """Time that a request and its answer may be on their way on a slow link."""
 LONGEST_PAUSE_S: Final = 3.0
-"""A monitor that was not stepped for longer has not listened: the time begins anew."""
+"""A monitor that was not stepped for longer has not listened: its time begins again."""
 REQUESTS_KEPT: Final = 32
 
 

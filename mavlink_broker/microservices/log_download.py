@@ -37,14 +37,14 @@ PART_BYTES: Final = 256 * 1024
 FIRST_WINDOW: Final = 32 * PACKET_BYTES
 LEAST_WINDOW: Final = 8 * PACKET_BYTES
 LARGEST_WINDOW: Final = 256 * PACKET_BYTES
-"""Sockets of the system queue so many frames when the broker is late."""
+"""What the system's sockets buffer while the broker is late."""
 NEAR_WINDOW: Final = 64 * PACKET_BYTES
-"""The same while the round trip is below `NEAR_S`: an order to another vehicle waits until the
-frames that have arrived together are read, some 0.1 ms each."""
+"""The largest window while the round trip is below `NEAR_S`: an order to another vehicle waits
+until the frames that have arrived together are read, some 0.1 ms each."""
 NEAR_S: Final = 0.05
 WINDOW_S: Final = 0.5
 MOST_BYTES_PER_S: Final = 128 * 1024
-"""A broker reads so much with a tenth of a processor."""
+"""Uses a tenth of a processor."""
 CLOSE_GAPS: Final = 4 * PACKET_BYTES
 """Gaps so close are requested together on any link."""
 ATTEMPTS: Final = 20

@@ -123,13 +123,13 @@ LONGEST_PAUSE_S: Final = 60.0
 CHECK_INTERVAL_S: Final = 0.2
 """How often it is checked which messages are missing; each may be for longer than a second."""
 REFUSALS: Final = 2
-"""After so many refusals and none accepted, the vehicle lacks the command. PX4 refuses it for
+"""A vehicle that has refused so often, and accepted nothing, lacks the command. PX4 refuses it for
 MISSION_CURRENT."""
 HOME_INTERVAL_S: Final = 1.0
 SINGLE_INTERVAL_S: Final = 1.5
 VERSION_INTERVAL_S: Final = 0.5
 VERSION_ATTEMPTS: Final = 8
-"""Missions wait for so many; later requests are `VERSION_LATER_S` apart."""
+"""Requests for which missions wait; later ones are `VERSION_LATER_S` apart."""
 VERSION_LATER_S: Final = 10.0
 
 

@@ -47,7 +47,7 @@ UNTYPED_COMMANDS: Final = {
 ID_NAMES: Final = {MISSION: "mission_id", FENCE: "fence_id", RALLY: "rally_points_id"}
 """Fields of MISSION_CURRENT with the id of each."""
 MAX_ITEMS: Final = 5_000
-"""Of a plan that is read from a vehicle; the journal keeps a fence of as many."""
+"""Largest plan that is read from a vehicle, and largest fence in the journal."""
 
 _PLAIN_FRAMES: Final = {
     mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,

@@ -41,7 +41,7 @@ LAST_ITEM_ATTEMPTS: Final = 6
 TRANSFERS: Final = 4
 STALLED_AFTER_S: Final = 5.0
 MOST_REPETITIONS: Final = 60
-"""Of one request: more than 30 % loss each way would cause."""
+"""Repetitions of one request; more than a loss of 30 % in each direction causes."""
 FIRST_PAUSE_S: Final = 1.0
 _REQUESTS: Final = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT"})
 _BUSY: Final = frozenset({mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_DENIED})
@@ -57,7 +57,8 @@ _UNSUPPORTED: Final = frozenset(
 )
 """Answers to an item whose command or parameters the vehicle does not support."""
 COPY_WITHIN_S: Final = 0.005
-"""No vehicle repeats a request so soon, also one that is simulated faster than the time passes."""
+"""A request that follows sooner is a copy of the network: also a fast simulated vehicle waits
+longer."""
 CLEAR_ATTEMPTS: Final = 10
 
 

@@ -39,13 +39,13 @@ from mavlink_broker.vehicle.recovery_state import PendingAbort
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 AGAIN_AFTER_S: Final = 1.5
-"""Two heartbeats of a quick vehicle: longer than its mode takes to show."""
+"""Longer than a mode takes to show in a heartbeat."""
 WITHIN_S: Final = 600.0
 """To reach a place; then the vehicle lands where it is."""
 UNHEARD_S: Final = 30.0
-"""How long a vehicle that is not received is ordered all the same: the link to it may work."""
+"""How long a vehicle that is not received still gets orders: the link to it may work."""
 LATE_ORDER_S: Final = 5.0
-"""How long an order of the mission may arrive behind one that ends it: a timeout of a command."""
+"""How long an order of the mission may arrive after one that ends it: a timeout of a command."""
 NOT_PLACED: Final = "the position of the vehicle is not known: it lands where it is"
 NOT_THERE: Final = "the vehicle has landed before it was there"
 STANDS: Final = "the vehicle is on the ground: it does not go there"
@@ -142,7 +142,7 @@ def _last_order(event: AbortEvent, family: Family) -> CommandAlternatives:
 
 _BEFORE_HOLD: Final = frozenset({ModeRole.MISSION})
 _BEFORE_HOLD_INSTEAD: Final = frozenset({ModeRole.MISSION, ModeRole.ENDING})
-"""Of one that was sent home or down before."""
+"""Of a vehicle that was ordered to return or land before."""
 
 
 class AbortExecutor:

@@ -70,7 +70,7 @@ WRITE_ROUNDS: Final = 3
 """Attempts to read or set a parameter: at 20 % loss each way one in 20,000 fails."""
 AGAIN_AFTER_S: Final = 30.0
 OFF_FOR_S: Final = 0.5
-"""A vehicle looks at its switch ten times a second."""
+"""A vehicle reads its switch ten times a second."""
 _LOG = logging.getLogger(__name__)
 _ALONE: Final = {FENCE: "the broker alone has checked the mission", RALLY: "they were left out"}
 

@@ -41,9 +41,9 @@ _FENCES: Final = frozenset({mavlink.MAV_MISSION_TYPE_FENCE, mavlink.MAV_MISSION_
 _TRANSFER: Final = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"})
 NEAR_M: Final = 50.0
 NEAR_S: Final = 3.0
-"""Of flight at its speed: a plane turns early, and its positions are late."""
+"""Added to the distance as flight time: a plane turns early, and its positions are late."""
 GAP_S: Final = 2.5
-"""Without positions for so long the vehicle may have been anywhere."""
+"""After a longer gap between positions the vehicle may have been anywhere."""
 
 
 def foreign_uploader(message: Message, vehicle: Vehicle) -> int | None:

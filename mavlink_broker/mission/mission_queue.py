@@ -32,12 +32,10 @@ from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 LEFT_S: Final = 2.0
-"""Of the validity of an abort, in which it waits for nothing but its vehicle."""
+"""Time before its expiry from which an abort waits for nothing but its vehicle."""
 EVENT_VEHICLE_WITHIN_S: Final = 8.0
-"""How long an event without a mission waits for its vehicle and the place where that hovers.
-
-An event expires 10 s after it was ordered; until then the edge server takes the reason.
-"""
+"""How long an event without a mission waits for its vehicle and the place where that hovers. An
+event expires 10 s after it was ordered; until then the edge server accepts the reason."""
 
 _LOG = logging.getLogger(__name__)
 

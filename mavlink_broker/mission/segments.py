@@ -16,7 +16,7 @@ from mavlink_broker.planning.situation import Home
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 SHORTEST_ITEMS: Final = 50
-"""A vehicle that refuses so few items has another reason than their number."""
+"""A vehicle that refuses a segment of so few items does not refuse their number."""
 
 
 class Segments:

@@ -38,10 +38,10 @@ MAX_NUMBERS: Final = 4000
 MAX_GAP: Final = 200
 """A camera whose numbers jump further was exchanged or emptied."""
 MAX_STEP: Final = 200
-"""A count that jumps further begins anew."""
+"""A count that increases by more has begun again."""
 MAX_CAMERAS: Final = 8
 LONGEST_LAG_S: Final = 60.0
-"""A time that lies further back is not believed."""
+"""Times that are further in the past are not used."""
 _FTP_URL: Final = re.compile(r"^(?:mftp|mavftp|mavlinkftp|file)://(.*)$", re.DOTALL)
 _COMPONENT: Final = re.compile(r"^/?\[?;comp=(\d{1,3})\]?(.*)$", re.DOTALL)
 _STATUS: Final[int] = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS

@@ -34,7 +34,7 @@ LATE_S: Final = 10.0
 MAX_INTERVALS: Final = 1000
 MAX_PLACES: Final = 5
 AT_PLACE_M: Final = 15.0
-"""So near to its command's place a picture is taken, with the errors of two positions."""
+"""Largest distance of a picture from the place of its command, with the errors of two positions."""
 SAME_PLACE_M: Final = 3.0
 FEEDBACK: Final = 256
 """Number of the autopilot's first camera, behind those of all components."""

@@ -50,9 +50,9 @@ PICTURE_MESSAGES: Final = frozenset(
 )
 """Messages of a vehicle's components about pictures."""
 PROGRESS_WITHIN_S: Final = 10.0
-"""A picture that no command known to run has taken waits so long for the mission's progress."""
+"""How long a picture of no known command waits for the mission's progress."""
 STORED_WITHIN_S: Final = 3.0
-"""A camera may store a picture, and number and announce it, so long behind a later one."""
+"""How long after a later picture a camera may store, number and announce an earlier one."""
 MISSION_WITHIN_S: Final = 120.0
 """How long pictures wait for the mission of an earlier run, which the edge server sends again."""
 CHECK_AFTER_S: Final = 2.0

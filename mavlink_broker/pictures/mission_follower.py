@@ -25,7 +25,7 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 
 PROGRESS_GAP_S: Final = 5.0
 PROGRESS_SETTLED_S: Final = 5.0
-"""So long after a gap in its progress the vehicle may be further than the ledger."""
+"""How long after a gap in its progress the vehicle may be further than the ledger."""
 
 
 class EarlierFlight:

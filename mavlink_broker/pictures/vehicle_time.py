@@ -16,16 +16,16 @@ OWN_CLOCK_S: Final = 3.0
 """A camera whose clock differs more from the autopilot's has a clock of its own."""
 _EVERY_S: Final = 1.0
 PROVED_WITHIN_S: Final = 10.0
-"""A clock that has gone back for so long is that of a restart, whether or not that is proved."""
+"""A clock that has gone back for longer is that of a restarted vehicle, also without a proof."""
 _PROVED_LATE_S: Final = 60.0
-"""A restart that is proved so soon after its clock was believed is that one, not another."""
+"""A proof that comes so soon after a restart was assumed is of the same restart."""
 
 
 REAL_RATE_WITHIN: Final = 0.1
-"""A clock whose rate differs less from the broker's is a real one: messages come unevenly."""
+"""A clock whose rate differs by less is not simulated: messages arrive unevenly."""
 UNSEEN_BOOT_S: Final = 1e6
-"""What was by the clock before a restart that only an earlier run of the broker may have seen is so
-much earlier; no vehicle is up for so long."""
+"""Offset of times before a restart that only an earlier run of the broker may have seen; longer
+than any vehicle runs."""
 
 
 class VehicleTime:

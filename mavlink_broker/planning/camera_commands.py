@@ -51,7 +51,7 @@ _LARGEST_TURN_DEG: Final = 180.0
 _SLOW_GIMBAL_DEG_S: Final = 45.0
 """Slower than gimbals for cameras turn to an angle: most reach 60 deg/s or more."""
 _STEADY_S: Final = 0.5
-"""Until a gimbal that has turned rests."""
+"""Time in which a gimbal that has turned comes to rest."""
 _AS_BEFORE: Final = (-1.0, -1.0)
 """Secondary control of a gimbal."""
 _EARTH: Final = float(

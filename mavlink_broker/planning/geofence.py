@@ -38,7 +38,8 @@ CAPABILITIES: Final = {
 }
 """Bits of AUTOPILOT_VERSION for vehicles that store such items."""
 _RESEMBLES_WITHIN_M: Final = 20.0
-"""A vehicle that stores a place coarsely, or wrongly; another party's fence is elsewhere."""
+"""Error of a vehicle that stores a place coarsely, or wrongly; another party's fence is
+elsewhere."""
 _HAS_RADIUS: Final = frozenset(
     {mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION, mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION}
 )

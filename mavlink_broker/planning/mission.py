@@ -187,7 +187,8 @@ class Itinerary:
 
 
 SPARE_ITEMS: Final = 6
-"""Of a segment: home, its speed (up to three items), and the hold at its end."""
+"""Items of a segment besides its commands: home, its speed (up to three items), and the hold at its
+end."""
 
 
 @dataclass(slots=True)

@@ -55,7 +55,7 @@ STATIONS_KEPT: Final = 16
 REQUIRED_INTERVALS_US: Final = {stream.message_id: 1e6 / stream.rate_hz for stream in STREAMS}
 """Intervals [us] of the messages that the broker requires, by message id."""
 GCS_TIMEOUT_S: Final = 10.0
-"""A ground station is connected until so long after its last message."""
+"""A ground station counts as connected until so long after its last message."""
 REQUESTS_KEPT: Final = 500
 """Message ids per vehicle; no vehicle sends more."""
 TIME_REQUESTS_KEPT: Final = 64

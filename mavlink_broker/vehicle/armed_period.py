@@ -38,9 +38,9 @@ some 20 m, and to arm it again for a further flight.
 ARMING_SHOWN_WITHIN_S: Final = 45.0
 """How long after an order a vehicle may show that it obeys: 8 attempts of at most 5 s each."""
 UNSEEN_S: Final = 5.0
-"""A vehicle that is not received for so long may be landed by somebody else meanwhile."""
+"""After a longer silence of the vehicle somebody else may have landed it."""
 DISARMED_WITHIN_S: Final = 3.0
-"""Between the acknowledgement of an order to disarm and the heartbeat that shows it."""
+"""Longest time from the acknowledgement of an order to disarm to the heartbeat that shows it."""
 ARMED_BY_OTHERS: Final = "somebody else has armed it"
 LEFT_BY_OTHERS: Final = (
     f"somebody else or its failsafe had it: it has to stand disarmed for {STAND_S:.0f} s first"

@@ -28,7 +28,7 @@ from mavlink_broker.vehicle.logged_flight import (
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 SETTLE_S: Final = 5.0
-"""Until then the last frames are written, and the edge server knows that the flight has ended."""
+"""Time in which the last frames are written, and the edge server receives the end of the flight."""
 _LOG = logging.getLogger(__name__)
 
 

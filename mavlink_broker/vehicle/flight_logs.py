@@ -62,7 +62,7 @@ from mavlink_broker.vehicle.logged_flight import (
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 SETTLE_S: Final = 3.0
-"""A vehicle may write the end of its log until so long after disarming."""
+"""How long after disarming a vehicle may write the end of its log."""
 ARDUPILOT_SETTLE_S: Final = 17.0
 """It logs for 15 s after disarming, into another log if this one was read meanwhile."""
 SILENT_LISTS: Final = 2
@@ -70,7 +70,7 @@ SILENT_LISTS: Final = 2
 LISTS: Final = 5
 """Lists of a log that grows; then it is fetched as it is."""
 MEASURED_AFTER_S: Final = 10.0
-"""After so long the rate of the link is known."""
+"""Time after which the rate of the link is known."""
 _LOG = logging.getLogger(__name__)
 
 

@@ -21,7 +21,7 @@ from mavlink_broker.microservices.parameter import ParameterRead, Setting
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 AWAY_S: Final = 90.0
-"""A minute that the broker may be away, and the time in which it connects again."""
+"""A minute in which the broker may be restarted, and the time to connect again."""
 
 
 class GcsHeartbeat:

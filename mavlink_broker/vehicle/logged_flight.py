@@ -19,7 +19,7 @@ from mavlink_broker.microservices.log_download import LogEntry
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 EDGE_S: Final = 5.0
-"""Arming and disarming are noticed so late at most."""
+"""Longest delay at which arming and disarming are noticed."""
 FIND_AGAIN_S: Final = 60.0
 """A log that a killed broker has begun may be listed late, one that was dropped may stay."""
 FIND_EVERY_S: Final = 600.0

@@ -34,9 +34,9 @@ _SIGNIFICANT: Final = 2.0
 """Wind below this multiple of its accuracy, where the vehicle sends one, is not reported."""
 _NOT_IN_NAMES: Final = re.compile(r"[^A-Za-z0-9_.-]")
 FRESH_S: Final = 5.0
-"""By the vehicle's clock."""
+"""Greatest age of a measurement, by the vehicle's clock."""
 RECEIVED_WITHIN_S: Final = 30.0
-"""By the broker's: after a lost link the vehicle's clock is as old as the rest."""
+"""The same by the broker's clock: after a lost link the vehicle's clock is as old as the rest."""
 SOURCES_KEPT: Final = 64
 """Limits the memory that new names of a vehicle can fill."""
 LIST_LENGTH: Final = 10

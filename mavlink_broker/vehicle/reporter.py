@@ -123,7 +123,7 @@ class Reporter:
 UPDATE_EVERY_S: Final = 2.0
 """Unless the edge server has requested another interval, because somebody watches."""
 UPDATE_LOST_EVERY_S: Final = 30.0
-"""Of a vehicle that is not connected."""
+"""Interval for a vehicle that is not connected."""
 _NEEDED: Final = frozenset({"position", "attitude"})
 """A state vector needs both."""
 STALE_AFTER_S: Final = 5.0

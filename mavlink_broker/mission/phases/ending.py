@@ -46,7 +46,7 @@ from mavlink_broker.vehicle.recovery_state import PendingReturn
 REASONS_WITHIN_S: Final = 0.5
 """How long a vehicle that refused something may take to send its reason."""
 REASONS_BEFORE_S: Final = 3.0
-"""How long before a vehicle changes its mode it may say why."""
+"""How long before a change of mode a vehicle may send its reason."""
 
 
 class Failing(Phase):

@@ -32,7 +32,7 @@ LOGGED_AFTER_S: Final = 3.0
 MODE_EVERY_S: Final = 2.0
 """Longer than a mode takes to show in a heartbeat."""
 CHECKS_EVERY_S: Final = 14.0
-"""Longer than a vehicle waits by itself, and often enough for its newest reason."""
+"""Longer than a vehicle's own retries, and often enough for its newest reason."""
 ARMED_UNREADY_AFTER_S: Final = 45.0
 """How long a vehicle may not report that it is ready before it is ordered to arm."""
 
