@@ -98,7 +98,6 @@ class Family:
     name: str
     autopilot: str = "generic"  # Name in the edge server's interface
     home_is_item_0: bool = False  # The list starts with home, the mission with item 1
-    takeoff_holds_position: bool = True  # Take-off climbs in place: a waypoint must follow
     yaw_by_condition: bool = False  # A yaw needs a CONDITION_YAW item before it
     honours_acceptance_radius: bool = True
     honours_abort_altitude: bool = False

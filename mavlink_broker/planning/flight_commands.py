@@ -131,7 +131,7 @@ _CLIMBS_UPRIGHT: Final = "minimum_pitch: a vehicle with rotors climbs upright"
 
 
 def takeoff(command: NavTakeoff, situation: Situation) -> Items:
-    """Climb, then fly to the position: on most autopilots a take-off climbs vertically.
+    """Climb, then fly to the position: a take-off climbs vertically.
 
     The waypoint exists even if the vehicle is at the position, so that the items do not depend on
     the vehicle's position: after a restart they must be the same.
@@ -142,16 +142,13 @@ def takeoff(command: NavTakeoff, situation: Situation) -> Items:
         "longitude_deg": p.longitude,
         "relative_altitude_m": p.altitude,
     }
-    climb = mission_item.takeoff(
-        **place, minimum_pitch_deg=p.minimum_pitch, yaw_deg=_item_yaw(p.yaw_angle, family)
-    )
-    items = [climb]
-    if family.takeoff_holds_position:
-        go = mission_item.waypoint(**place, yaw_deg=_item_yaw(p.yaw_angle, family))
-        items += [*_yaw_before(p.yaw_angle, family), go]
+    yaw_deg = _item_yaw(p.yaw_angle, family)
+    climb = mission_item.takeoff(**place, minimum_pitch_deg=p.minimum_pitch, yaw_deg=yaw_deg)
+    go = mission_item.waypoint(**place, yaw_deg=yaw_deg)
+    items = (climb, *_yaw_before(p.yaw_angle, family), go)
     spot = Spot(p.latitude, p.longitude, p.altitude)
     notes = (_CLIMBS_UPRIGHT,) if p.minimum_pitch != 0 else ()
-    return Items(tuple(items), len(items) - 1, notes, spot, p.yaw_angle)
+    return Items(items, len(items) - 1, notes, spot, p.yaw_angle)
 
 
 def waypoint(command: NavWaypoint, situation: Situation) -> Items:

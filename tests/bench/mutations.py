@@ -201,8 +201,8 @@ BREAKS: Final = (
     Break(
         "an autopilot that climbs straight up gets the waypoint of its take-off",
         "mavlink_broker/planning/flight_commands.py",
-        "if family.takeoff_holds_position:",
-        "if not family.takeoff_holds_position:",
+        "items = (climb, *_yaw_before(p.yaw_angle, family), go)",
+        "items = (climb,)",
         f"{_BROKER}/planning tests/golden/test_translation.py",
     ),
     Break(
