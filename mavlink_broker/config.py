@@ -22,8 +22,6 @@ from mavlink_broker.links.url import (
 
 DEFAULT_EDGE_PORT: Final = 8000
 DEFAULT_SYSTEM_ID: Final = 254
-ONBOARD_COMPUTER: Final = 191
-"""MAV_COMP_ID_ONBOARD_COMPUTER."""
 DEFAULT_STATE_VECTOR_INTERVAL_S: Final = 1.0
 DEFAULT_BATTERY_CAPACITY_AH: Final = 5.2
 """For a vehicle that does not report it: that of the first vehicle of this system."""
@@ -68,7 +66,6 @@ class Config:
     mavlink_host: str = ANY_ADDRESS
     mavlink_port: int = DEFAULT_MAVLINK_PORT
     system_id: int = DEFAULT_SYSTEM_ID
-    component_id: int = ONBOARD_COMPUTER
     vehicle_of_system: Mapping[int, int] = field(default_factory=dict)
     signing_keys: Path | None = None  # Folder of signing-N.key; None: nothing is signed
     unsigned_systems: frozenset[int] = frozenset()  # Systems that cannot sign

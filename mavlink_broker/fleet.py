@@ -19,6 +19,7 @@ from mavlink_broker.effects import EdgeMessage, Effects, Job, JobOutcome, failed
 from mavlink_broker.live.follow_target import read_target_sources
 from mavlink_broker.mavlink.dialect import (
     AUTOPILOT,
+    ONBOARD_COMPUTER,
     Message,
     Route,
     Source,
@@ -313,7 +314,7 @@ class Fleet:
             log_limit_bytes = config.vehicle_log_mib << 20
             vehicle = Vehicle(
                 vehicle_id,
-                Route(config.system_id, config.component_id, system, AUTOPILOT),
+                Route(config.system_id, ONBOARD_COMPUTER, system, AUTOPILOT),
                 recovery=RecoveryState(self._records.new_tracker()),
                 target_source=self._target_sources.get(vehicle_id),
             )

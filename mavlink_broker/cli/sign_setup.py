@@ -26,10 +26,11 @@ from mavlink_broker.cli.program import (
     parse_link,
     print_output,
 )
-from mavlink_broker.config import DEFAULT_SYSTEM_ID, ONBOARD_COMPUTER
+from mavlink_broker.config import DEFAULT_SYSTEM_ID
 from mavlink_broker.links.hub import Hub
 from mavlink_broker.links.url import Address, LinkKind, LinkUrl
 from mavlink_broker.mavlink.codec import Decoder
+from mavlink_broker.mavlink.dialect import ONBOARD_COMPUTER
 from mavlink_broker.mavlink.signing import KEY_LENGTH, KeyRing
 from mavlink_broker.microservices.signing_setup import Outcome, SigningSetup
 

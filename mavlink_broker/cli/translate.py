@@ -26,7 +26,14 @@ from mavlink_broker.autopilots.families import (
 )
 from mavlink_broker.cli.local_edge import read_plan, select_missions
 from mavlink_broker.cli.program import FAILED, SUCCEEDED, print_output
-from mavlink_broker.mavlink.dialect import Message, Route, name_in
+from mavlink_broker.config import DEFAULT_SYSTEM_ID
+from mavlink_broker.mavlink.dialect import (
+    AUTOPILOT,
+    ONBOARD_COMPUTER,
+    Message,
+    Route,
+    name_in,
+)
 from mavlink_broker.microservices.command import CommandAlternatives
 from mavlink_broker.planning.geofence import AreaCheck
 from mavlink_broker.planning.mission import FlightPlan, Itinerary, LiveCommand, translate
@@ -45,7 +52,7 @@ _ITEM_FIELDS = (
     *("seq", "frame", "command", "current", "autocontinue"),
     *("param1", "param2", "param3", "param4", "x", "y", "z"),
 )
-_ROUTE = Route(254, 191, 1, 1)
+_ROUTE = Route(DEFAULT_SYSTEM_ID, ONBOARD_COMPUTER, 1, AUTOPILOT)
 _FRAMES: Final = {0: "0 above sea", 2: "2 none", 6: "6 above home"}
 _HEADER: Final = (
     *("seq", "command", "frame", "p1", "p2", "p3", "p4", "x", "y", "z"),

@@ -22,6 +22,7 @@ __all__ = [
     "BOOT_MS_VALUES",
     "MISSION_RESULT_NAMES",
     "NOT_VEHICLES",
+    "ONBOARD_COMPUTER",
     "RESULT_NAMES",
     "Message",
     "MissionAck",
@@ -178,6 +179,8 @@ class Route(NamedTuple):
 
 
 AUTOPILOT: Final[int] = mavlink.MAV_COMP_ID_AUTOPILOT1
+ONBOARD_COMPUTER: Final[int] = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+"""The broker's own component id."""
 _USER_COMPONENT: Final = re.compile("MAV_COMP_ID_(USER[0-9]+|AUTOPILOT1)")
 _NON_AUTOPILOT_COMPONENTS: Final = frozenset(
     number

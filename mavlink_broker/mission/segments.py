@@ -41,7 +41,6 @@ class Segments:
             vehicle.family,
             vehicle.snapshot.home or Home(0.0, 0.0, 0.0),
             own_system=vehicle.route.own_system,
-            own_component=vehicle.route.own_component,
             refused=vehicle.item_limits.refused,
             most_items=vehicle.item_limits.most_items,
             flight=self._flight,

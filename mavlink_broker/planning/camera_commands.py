@@ -14,7 +14,7 @@ from afarcloud.commands import CameraImage, CameraPanorama, VideoStartCapture, V
 from afarcloud.enumerations import PanoramaMode
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.mavlink import mission_item
-from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mavlink.dialect import ONBOARD_COMPUTER, mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.command import CommandLong, long_command
 from mavlink_broker.planning.situation import (
@@ -242,7 +242,7 @@ def _live_image(
     (pitch_deg, yaw_deg), family = aim, situation.family
     yaw, flags = _direction(yaw_deg, family)
     point = long_command(_POINT, pitch_deg, yaw, math.nan, math.nan, flags)
-    broker = float(situation.own_system), float(situation.own_component)
+    broker = float(situation.own_system), float(ONBOARD_COMPUTER)
     control = long_command(_CONTROL, *broker, *_AS_BEFORE)
     single = number if shots[1] == 1.0 else 0.0
     takes = _to_camera(family, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, *shots, single)

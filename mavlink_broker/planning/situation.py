@@ -65,8 +65,7 @@ class Situation(NamedTuple):
     home: Home
     mission_id: int
     flight: str  # Distinguishes missions of one number
-    own_system: int  # The broker's, whose target a vehicle follows
-    own_component: int  # With it, who controls a gimbal live
+    own_system: int  # The broker's: it sends targets, and controls a gimbal live
     refused: frozenset[int]  # MAV_CMD that this vehicle refused as mission items
     maximum_speed_m_s: float
     common_radius_m: float | None  # Acceptance radius of all waypoints, if equal

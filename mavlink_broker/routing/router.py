@@ -16,6 +16,7 @@ from mavlink_broker.links.frame_log import FrameLog
 from mavlink_broker.links.url import Address
 from mavlink_broker.mavlink.codec import Decoder, Encoder, unsigned
 from mavlink_broker.mavlink.dialect import (
+    ONBOARD_COMPUTER,
     Message,
     Source,
     is_vehicle,
@@ -352,7 +353,7 @@ class Router:
         if address not in self._encoders:
             if len(self._encoders) >= PEERS_KEPT:
                 self._encoders.clear()
-            self._encoders[address] = Encoder(self._config.system_id, self._config.component_id)
+            self._encoders[address] = Encoder(self._config.system_id, ONBOARD_COMPUTER)
         return self._encoders[address]
 
 
