@@ -76,7 +76,7 @@ class MissionExecutor:
         self._failing = Failing(context)
         uploading = Uploading(context)
         self._phases: dict[State, Phase] = {
-            State.IDLE: Idle(),
+            State.IDLE: Idle(context),
             State.ATTACHING: self._attaching,
             State.WAITING: Waiting(context),
             State.PLACING_GEOFENCE: self._geofence,

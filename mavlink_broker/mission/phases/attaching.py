@@ -72,8 +72,7 @@ class Attaching(Phase):
     """Finds the segment that the vehicle flies, or decides that none was started."""
 
     def __init__(self, context: MissionContext) -> None:
-        self._mission = context
-        self._vehicle = context.vehicle
+        super().__init__(context)
         self._entered_at = 0.0
         self._connected_at: float | None = None  # First heartbeat since the phase began
         self._flies_another = False  # Another mission; this one waits for the landing

@@ -53,8 +53,7 @@ class Failing(Phase):
     """The end of a mission that has failed."""
 
     def __init__(self, context: MissionContext) -> None:
-        self._mission = context
-        self._vehicle = context.vehicle
+        super().__init__(context)
         self._entered_at = 0.0
         self._fault = Fault("")
         self._stops_propellers = False  # The broker armed the vehicle, and it does not take off
@@ -178,8 +177,7 @@ class Aborting(Phase):
     """One abort after the other; the newest one decides."""
 
     def __init__(self, context: MissionContext) -> None:
-        self._mission = context
-        self._vehicle = context.vehicle
+        super().__init__(context)
         self._executor: AbortExecutor | None = None
         self._note: str | None = None  # What is done otherwise than the event says
         self._work: EventWork | None = None  # None: an alarm has ended the mission

@@ -30,8 +30,7 @@ class Running(Phase):
     """One segment of mission items in flight."""
 
     def __init__(self, context: MissionContext) -> None:
-        self._mission = context
-        self._vehicle = context.vehicle
+        super().__init__(context)
         self.monitors: SegmentMonitors | None = None
         """What follows the items; None in another phase."""
         self._paused_at: float | None = None
@@ -172,7 +171,7 @@ class FlyingLive(Phase):
     """One live command in flight."""
 
     def __init__(self, context: MissionContext) -> None:
-        self._mission = context
+        super().__init__(context)
         self._executor: LiveCommandExecutor | None = None
 
     @property
@@ -187,7 +186,7 @@ class FlyingLive(Phase):
     @property
     def landed_by(self) -> Authority | None:
         """Who else had a vehicle in the air when it was disarmed; None: nobody."""
-        vehicle, claim = self._mission.vehicle, self.claim
+        vehicle, claim = self._vehicle, self.claim
         if claim is None or vehicle.snapshot.armed is not False:
             return None
         claim = claim._replace(roles=claim.roles | AIRBORNE_MODES, is_exclusive=False)
@@ -206,7 +205,7 @@ class FlyingLive(Phase):
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Begin the command, or continue it; not while the mission is paused."""
-        mission, vehicle = self._mission, self._mission.vehicle
+        mission, vehicle = self._mission, self._vehicle
         if mission.pauses.is_paused:
             return None
         live = mission.segments.live
@@ -224,7 +223,7 @@ class FlyingLive(Phase):
         was_reported: bool = False,
     ) -> LiveCommandExecutor:
         """Begin the command; behind a pause from its start."""
-        action, vehicle = self._mission.segments.live.action, self._mission.vehicle
+        action, vehicle = self._mission.segments.live.action, self._vehicle
         self._executor = LiveCommandExecutor(action, vehicle, self._name)
         effects.messages += self._executor.start(
             now, is_under_way=is_under_way, was_reported=was_reported

@@ -16,6 +16,7 @@ from typing import TypeAlias
 
 from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mission.context import MissionContext
 from mavlink_broker.mission.exchanges import Exchange, Outcome
 from mavlink_broker.mission.states import Event
 from mavlink_broker.vehicle.control_authority import Authority, Claim
@@ -47,6 +48,10 @@ class Phase:
 
     exchange: Exchange[Outcome] | None = None
     """The protocol that runs with the vehicle; the mission passes messages and time to it."""
+
+    def __init__(self, context: MissionContext) -> None:
+        self._mission = context
+        self._vehicle = context.vehicle
 
     @property
     def claim(self) -> Claim | None:

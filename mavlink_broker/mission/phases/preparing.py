@@ -33,9 +33,6 @@ from mavlink_broker.vehicle.control_authority import (
 class _Transfer(Phase):
     """A phase in which the vehicle receives the mission: disarmed on the ground, or hovering."""
 
-    def __init__(self, context: MissionContext) -> None:
-        self._mission = context
-
     @property
     def claim(self) -> Claim:
         """The vehicle is disarmed on the ground, or hovers."""
@@ -56,7 +53,7 @@ class PlacingGeofence(_Transfer):
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Place the geofence, once for the whole mission; restore what an earlier plan replaced."""
-        self._transfer = GeofenceTransfer(self._wanted(), self._mission.vehicle)
+        self._transfer = GeofenceTransfer(self._wanted(), self._vehicle)
         if self._is_placed or self._transfer.is_needless:
             return self._next()
         self.run(self._transfer, now, effects)
@@ -73,7 +70,7 @@ class PlacingGeofence(_Transfer):
         return None
 
     def _wanted(self) -> WantedGeofence:
-        work, vehicle = self._mission.work, self._mission.vehicle
+        work, vehicle = self._mission.work, self._vehicle
         height_m = highest_m(as_flown(work.mission.command_array, vehicle.family))
         return WantedGeofence(work.geofence, rally_items(work.rally_points), highest_m=height_m)
 
@@ -100,7 +97,7 @@ class Holding(_Transfer):
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Order the hold mode."""
-        vehicle = self._mission.vehicle
+        vehicle = self._vehicle
         self.run(vehicle.sequence(vehicle.family.holding), now, effects)
         return None
 
@@ -231,7 +228,7 @@ class Arming(Phase):
     """The vehicle is ordered to arm, for as long as its family needs."""
 
     def __init__(self, context: MissionContext) -> None:
-        self._mission = context
+        super().__init__(context)
         self._entered_at = 0.0
         self._again_at = 0.0
         self._is_noted = False
@@ -251,7 +248,7 @@ class Arming(Phase):
 
     def _order_when_stored(self, now: float, effects: Effects) -> None:
         """Order it once the journal shows a restarted broker who has armed the vehicle."""
-        vehicle = self._mission.vehicle
+        vehicle = self._vehicle
         if not self._is_noted:
             self._mission.authority.order_arming(now)
         self._is_noted = not vehicle.recovery.is_stored
@@ -266,8 +263,8 @@ class Arming(Phase):
         In the pause a heartbeat may show that the vehicle is armed, though its answer is lost.
         """
         if isinstance(outcome, Refused) and outcome.result is not None:
-            self._mission.vehicle.armed_period.refuse_arming()
-            self._mission.vehicle.recovery.arming_s = None
+            self._vehicle.armed_period.refuse_arming()
+            self._vehicle.recovery.arming_s = None
         match outcome:
             case Accepted():
                 return Event.ARMED
@@ -280,7 +277,7 @@ class Arming(Phase):
 
     def _may_still_arm(self, now: float) -> bool:
         """Whether a refusal may pass: the vehicle judges by itself, and sends its reasons."""
-        return now - self._entered_at < self._mission.vehicle.family.arming_retry_s
+        return now - self._entered_at < self._vehicle.family.arming_retry_s
 
     def tick(self, now: float, effects: Effects) -> Result:
         """Trust a heartbeat that shows the vehicle armed, though its answer is lost.
@@ -304,8 +301,7 @@ class Starting(Phase):
     """The vehicle is ordered to start; its heartbeat has to show that it flies."""
 
     def __init__(self, context: MissionContext) -> None:
-        self._mission = context
-        self._vehicle = context.vehicle
+        super().__init__(context)
         self._was_in_mission_mode = False  # When it was ordered to start
         self._again_at = 0.0
         self._accepted_at: float | None = None

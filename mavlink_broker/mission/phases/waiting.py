@@ -47,8 +47,7 @@ class Waiting(Phase):
     """Before the transfer to the vehicle."""
 
     def __init__(self, context: MissionContext) -> None:
-        self._mission = context
-        self._vehicle = context.vehicle
+        super().__init__(context)
         self._entered_at = 0.0
         self._mode_ordered_at = -math.inf  # The vehicle is not ready in the mode that it is in
         self._checks_requested_at = -math.inf
