@@ -296,8 +296,8 @@ BREAKS: Final = (
         (
             Change(
                 "mavlink_broker/fleet.py",
-                "        return before.uid == NO_NUMBER or session.change_vehicle()\n",
-                "        return before.uid == NO_NUMBER and session is not None\n",
+                "            if not session.change_vehicle():\n",
+                "            if session is not None:\n",
             ),
         ),
         (Fault.SWAPPED,),

@@ -132,15 +132,20 @@ class VehicleRecords:
         identity = VehicleIdentity(system, vehicle.uid)
         if self._journal is None or not vehicle.is_identified or identity == before:
             return
-        if before is not None and (not identity.uid or not self._may_change(session, before)):
+        number = vehicle.vehicle_id
+        if before is not None and not identity.uid:
             return
         if before is not None and before.uid != NO_NUMBER:
-            number = vehicle.vehicle_id
+            if not session.change_vehicle():
+                return
             _LOG.warning("vehicle %d is another one: %s, before %s", number, identity, before)
         on_disk = self._journal.recall(identity)
         without_number = self._journal.recall(VehicleIdentity(system, NO_NUMBER))
         vehicle.recovery.tracker.load(identity, on_disk)
-        self._recall(merge_records(on_disk, without_number), session, now, effects)
+        recalled = merge_records(on_disk, without_number)
+        if recalled != EMPTY_RECORD:
+            _LOG.info("vehicle %d: an earlier run of the broker has left a record of it", number)
+            session.missions.recall(recalled, now, effects)
         if identity.uid and without_number != EMPTY_RECORD:
             self.store(vehicle, now)  # Under its own number first
             self._journal.put(RecordUpdate(VehicleIdentity(system, NO_NUMBER), 0, EMPTY_RECORD))
@@ -160,17 +165,6 @@ class VehicleRecords:
             session = find(identity.system)
             if session is not None and session.vehicle.recovery.tracker.identity == identity:
                 session.vehicle.recovery.tracker.confirm(number)
-
-    def _may_change(self, session: Session, before: VehicleIdentity) -> bool:
-        return before.uid == NO_NUMBER or session.change_vehicle()
-
-    def _recall(
-        self, recalled: RecoveryRecord, session: Session, now: float, effects: Effects
-    ) -> None:
-        if recalled != EMPTY_RECORD:
-            number = session.vehicle.vehicle_id
-            _LOG.info("vehicle %d: an earlier run of the broker has left a record of it", number)
-            session.missions.recall(recalled, now, effects)
 
 
 class FleetTime:

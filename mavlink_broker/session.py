@@ -396,8 +396,7 @@ class Session:
         self._was_received |= is_reachable
         self._was_lost = not is_reachable
         self._lost_since = None if is_reachable else (self._lost_since or now)
-        vehicle = self.vehicle
-        vehicle.snapshot.assume_home(now, is_received=vehicle.is_reachable(now))
+        self.vehicle.snapshot.assume_home(now, is_received=is_reachable)
 
     def _ask_for_answer(self, now: float) -> list[Message]:
         """Follow whether the vehicle answers while it is received."""

@@ -276,7 +276,8 @@ class AlarmMonitor:
             is_silent = periodic.is_silent(now, self._loss.ratio)
             if not is_connected and not is_silent:
                 periodic.restart_timer(now)
-            self._take_silence(source, failure, now, is_silent=is_silent)
+            silent_since = now - DEBOUNCE_S  # The timeout of the source is the debounce
+            self._take(source, failure, silent_since, is_unhealthy=is_silent)
         return [failure for failure in self._failed(now) if self._is_new(failure)]
 
     def take_parameters(self, now: float) -> tuple[float, float]:
@@ -301,10 +302,6 @@ class AlarmMonitor:
                 key, _Health(failure, was_healthy=_name(source, failure) in self._expected)
             )
             health.take(now, is_unhealthy=is_unhealthy)
-
-    def _take_silence(self, source: str, failure: Failure, now: float, *, is_silent: bool) -> None:
-        """Note whether a periodic source is silent; its timeout is the debounce."""
-        self._take(source, failure, now - DEBOUNCE_S, is_unhealthy=is_silent)
 
     def _received(self, source: str, failure: Failure, now: float) -> None:
         periodic = self._periodic_sources.get((source, failure.code))
