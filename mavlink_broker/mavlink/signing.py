@@ -86,7 +86,7 @@ class KeyRing:
         path = self.folder / f"signing-{system}.key"
         try:
             with path.open("rb") as file:
-                accepts_unsigned = stat.S_IMODE(os.fstat(file.fileno()).st_mode) & 0o077
+                is_exposed = stat.S_IMODE(os.fstat(file.fileno()).st_mode) & 0o077
                 contents = file.read(4 * KEY_LENGTH)
             key = contents if len(contents) == KEY_LENGTH else bytes.fromhex(contents.decode())
         except FileNotFoundError:
@@ -94,7 +94,7 @@ class KeyRing:
         except (OSError, ValueError) as error:
             _LOG.warning("%s cannot be used: %s", path, error)
             return None
-        if accepts_unsigned:
+        if is_exposed:
             _LOG.warning("%s cannot be used: others may read it; set its mode to 600", path)
             return None
         if len(key) != KEY_LENGTH or not any(key):

@@ -56,8 +56,8 @@ class Attitude(NamedTuple):
     roll_deg: float  # [-180, 180)
 
 
-class _Lies(TypedDict):
-    """What poses and state vectors have in common."""
+class _PoseFields(TypedDict):
+    """The fields that poses and state vectors have in common."""
 
     latitude: float
     longitude: float
@@ -306,13 +306,13 @@ def pose(snapshot: Snapshot, *, vehicle_id: int, sequence_number: int) -> Pose |
     """Pose of the vehicle now; None while position or attitude is unknown."""
     if snapshot.position is None or snapshot.attitude is None:
         return None
-    lies = _lies(snapshot.position, snapshot.attitude)
-    return Pose(sequence_number=sequence_number, vehicle_id=vehicle_id, **lies)
+    fields = _pose_fields(snapshot.position, snapshot.attitude)
+    return Pose(sequence_number=sequence_number, vehicle_id=vehicle_id, **fields)
 
 
-def _lies(position: Position, attitude: Attitude) -> _Lies:
-    """Where a vehicle is, and how it lies there, under AFarCloud's names."""
-    return _Lies(
+def _pose_fields(position: Position, attitude: Attitude) -> _PoseFields:
+    """Position and attitude under AFarCloud's names."""
+    return _PoseFields(
         latitude=position.latitude_deg,
         longitude=position.longitude_deg,
         altitude=position.altitude_m,
@@ -343,7 +343,7 @@ def state_vector(
     return StateVector(
         sequence_number=sequence_number,
         vehicle_id=vehicle_id,
-        **_lies(snapshot.position, snapshot.attitude),
+        **_pose_fields(snapshot.position, snapshot.attitude),
         battery_capacity=snapshot.battery_capacity_ah,
         battery_percentage=snapshot.battery_fraction,
         linear_speed=min(snapshot.position.speed_m_s, _MAXIMUM_SPEED_M_S),
