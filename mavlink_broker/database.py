@@ -344,7 +344,7 @@ def _version(connection: sqlite3.Connection) -> int:
 
 
 def _damage(connection: sqlite3.Connection) -> str:
-    """Say what is wrong with a file; empty if nothing is."""
+    """Describe the damage of a file; empty if it has none."""
     try:
         found = str(connection.execute("PRAGMA quick_check(1)").fetchone()[0])
         version = _version(connection)

@@ -430,7 +430,7 @@ class Session:
         )
 
     def _stop_tracking(self, now: float) -> list[Message]:
-        """Have the camera stop tracking what no command wants; not while another system flies."""
+        """Have the camera stop tracking what no command follows; not while another system flies."""
         vehicle, missions = self.vehicle, self.missions
         if vehicle.armed_period.is_taken or not vehicle.is_identified or self._observes:
             return []

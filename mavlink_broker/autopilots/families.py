@@ -117,7 +117,7 @@ class Family:
     starting: CommandAlternatives = ((_START,),)
     readiness_by_mode: bool = False  # "Ready to arm" refers to its current mode
     reports_only_passed_checks_since: int | None = None  # AUTOPILOT_VERSION.flight_sw_version
-    reports_estimator: bool = False  # EKF_STATUS_REPORT says when it can navigate
+    reports_estimator: bool = False  # EKF_STATUS_REPORT shows when it can navigate
     repeats_pictures: bool = False  # It resumes at the place before, if it has taken pictures
     reset_resumes: bool = False  # DO_SET_MISSION_CURRENT with a reset begins in any mode
     runs_missions_disarmed: bool = False  # In its mission mode, also before its propellers turn
@@ -378,7 +378,7 @@ _COPTER_TYPES: Final = frozenset(
 def family_of(autopilot: int, product: tuple[int, int] | None, vehicle_type: int | None) -> Family:
     """Family of a MAV_AUTOPILOT; `product` is vendor and product, if the vehicle has reported them.
 
-    `vehicle_type` is its MAV_TYPE; a copter unless it says otherwise.
+    `vehicle_type` is its MAV_TYPE; None counts as a copter.
     """
     family = FAMILIES.get(autopilot, GENERIC)
     if family is ARDUPILOT and vehicle_type not in {None, *_COPTER_TYPES}:

@@ -58,7 +58,7 @@ def no_overrides(following: Following) -> ParameterOverrides:
 def px4_follow(following: Following) -> ParameterOverrides:
     """PX4 keeps a height above home, a distance and an angle to a target's course.
 
-    Its limit is that of its way round the target: it keeps up with one at its own speed.
+    Its limit is that of its path round the target: it keeps up with one at its own speed.
     """
     return (
         (Setting("FLW_TGT_ALT_M", 0.0),),
@@ -203,16 +203,16 @@ _ANY_INCLUSION: Final = 2  # Bit of FENCE_OPTIONS: one inclusion area is enough
 
 
 def ardupilot_fence(values: Values, fence: Geofence, highest_m: float) -> FenceParameters:
-    """FENCE_TYPE says which fences are enabled, FENCE_ENABLE whether any is.
+    """FENCE_TYPE selects the fences that are enabled, FENCE_ENABLE whether any is.
 
     A fence that an operator has enabled stays enabled; one that is configured but disabled stays
-    disabled. It is enabled too where FENCE_AUTOENABLE says that the vehicle enables what FENCE_TYPE
-    says: behind an automatic take-off (1; 2, which disables only the lowest altitude to land) or
+    disabled. It is enabled too where FENCE_AUTOENABLE makes the vehicle enable what FENCE_TYPE
+    selects: after an automatic take-off (1; 2, which disables only the lowest altitude to land) or
     when it arms (3) (`AC_Fence.cpp`, `auto_enable_fence_after_takeoff`,
     `auto_enable_fence_on_arming`; up to 4.5 `get_enabled_fences`).
 
-    ArduPilot since 4.6 enables what FENCE_TYPE says when FENCE_ENABLE is set from 0 to 1,
-    and takes no notice of a later change.
+    ArduPilot since 4.6 enables what FENCE_TYPE selects when FENCE_ENABLE is set from 0 to 1,
+    and ignores a later change.
     """
     if not {"FENCE_ENABLE", "FENCE_TYPE"} <= values.keys():
         return FenceParameters(

@@ -17,7 +17,7 @@ from mavlink_broker.mavlink.dialect import Message, mavlink
 
 
 class TextMeaning(Enum):
-    """What a status text says about the flight."""
+    """What a status text means for the flight."""
 
     MISSION_UPLOADED = auto()  # A client has uploaded a mission
     MISSION_INVALID = auto()  # The vehicle stops its mission, because a new geofence forbids it

@@ -1,6 +1,6 @@
 """What the edge server's answers mean.
 
-`PostOutcome` says what the answer to a post means: settled, sent before, withdrawn, refused, or to
+`PostOutcome` classifies the answer to a post: settled, sent before, withdrawn, refused, or to
 be sent again. `EdgeClock` estimates the edge server's time of day from its answers.
 
 ForeignAnswerError  somebody else answered in the place of the edge server
@@ -55,7 +55,7 @@ class ForeignAnswerError(requests.RequestException):
 
 
 def explain(answer: Answer) -> str:
-    """Say in words why an answer refuses: the edge server's sentence, then each fault of a field.
+    """Give the reason of a refusal: the edge server's sentence, then each fault of a field.
 
     What is not the edge server's, such as the page of a proxy, is given as one line.
     """
@@ -90,7 +90,7 @@ class PostOutcome:
 
     post: Post
     status: int | None  # None: there was no answer
-    text: str  # Names field and reason of a refusal, in words
+    text: str  # Names field and reason of a refusal
     is_settled: bool = False  # The edge server's own answer, which a repetition would get again
 
     @classmethod
@@ -198,18 +198,18 @@ class EdgeClock:
     """The edge server's time of day on this program's monotonic clock.
 
     Work expires by the edge server's clock: an abort within 10 s. A broker on another machine,
-    whose clock is wrong, would refuse every abort as expired, or carry out one that nobody wants
-    any more.
+    whose clock is wrong, would refuse every abort as expired, or carry out one that
+    has expired.
 
     An answer names the time at which it was written and arrives later: of several answers the one
-    that was on its way for the shortest time is nearest to the truth. It was written after its
+    that was in transit for the shortest time is the most accurate. It was written after its
     request was sent, so that a time which is too early even for that moment is that of a clock
     which was set back, or of another edge server. An answer that is merely read late, as by a
     broker that was suspended for minutes, changes nothing: an order in it has expired meanwhile.
 
-    The first answer has none before it that would show how long it was on its way. It is asked for
-    without a wait, so that it counts as written at once: an order in it may be older than it says.
-    If it was long on its way, as with an edge server that was just starting, the time is not
+    The first answer has none before it that would show how long it was in transit. It is requested
+    without a wait, so that it counts as written at once: an order in it may be older than its time.
+    If it was long in transit, as with an edge server that was just starting, the time is not
     settled before the next one.
     """
 
@@ -244,7 +244,7 @@ class EdgeClock:
 
     @property
     def is_settled(self) -> bool:
-        """Whether work may be judged by it: not by a first answer that was long on its way."""
+        """Whether work may be judged by it: not by a first answer that was long in transit."""
         first_s = self._first_at_most_s
         return first_s is None or first_s - max(self._ahead_s) <= FIRST_TRIP_S
 

@@ -15,7 +15,6 @@ if it is idle without new pictures, the command may be sent again. With several 
 must be idle: the command may be for any. A camera that does not answer is waited for as long as
 after a series of pictures: then the command is done if only other cameras have shown signs of work
 and are idle; else the result is unknown, and the command fails.
-
 """
 
 from collections.abc import Iterable

@@ -390,7 +390,7 @@ class LiveCommandExecutor:
         return is_near or (isinstance(outcome, Accepted) and self._is_at_approach())
 
     def _begin(self, now: float) -> list[Message]:
-        """Send the command, once the record says that it is about to be sent."""
+        """Send the command, once the record shows that it is about to be sent."""
         if not self._record.may_send():
             return []
         self._enter(LivePhase.BEGINNING, now)

@@ -7,7 +7,6 @@ A circle with a heading that the vehicle's own orbit does not support is flown f
 Every point is a DO_REPOSITION, sent before the previous point is reached, so that a vehicle whose
 link is lost holds at the next point, which a stream of setpoints would not ensure. The points are
 so close that the chords stay within 0.25 m of the circle.
-
 """
 
 import math
@@ -129,7 +128,7 @@ class OrbitMonitor:
         """Continue the turn that an earlier run of the broker has seen begin.
 
         A turn counts anew of a vehicle that it has not seen on the circle: that may have been on
-        its way there for any time.
+        its leg there for any time.
         """
         time_s, self.start = self._vehicle.snapshot.time_s, note.start
         since_s = note.accepted_s if note.start_s is None else note.start_s

@@ -16,7 +16,7 @@ predicted position of the subject.
 
 A command that ends as planned has the camera stop. One that ends otherwise (an abort, a failure, a
 pause, a restart of the broker) leaves the camera on its subject: its gimbal would turn the pictures
-of the next mission there. `TrackingStop` has it stop when no command of the broker wants it any
+of the next mission there. `TrackingStop` has it stop when no command of the broker needs it any
 more.
 """
 
@@ -429,7 +429,7 @@ class TrackingStop:
         return [] if self._sequence is None else self._sequence.receive(message, now)
 
     def tick(self, now: float, *, is_wanted: bool) -> list[Message]:
-        """Stop it, unless a command wants it to track, or may be continued."""
+        """Stop it, unless a command needs it to track, or may be continued."""
         if is_wanted or not self._vehicle.recovery.is_tracking:
             self._sequence, self._attempts, self._again_at = None, 0, -math.inf
             return []

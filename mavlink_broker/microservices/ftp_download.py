@@ -15,7 +15,6 @@ Flow control. The window is as large as possible without lengthening the round t
 queues, so that answers are delayed. While answers arrive about as fast as ever, each increases the
 window by one; when they take twice as long, the window is halved. New reads are spaced, because
 some servers queue five requests and drop the sixth.
-
 """
 
 import struct

@@ -11,7 +11,7 @@ overflow of the counter at 2^32 ms, after 49.7 days. The speed of the clock does
 simulated one may run at any speed.
 
 `StateOrder` recognises a state that a newer one of its kind has overtaken on the network. UDP may
-deliver two frames the other way round, and these messages have no time of their own. A late
+deliver two frames in reverse order, and these messages have no time of their own. A late
 heartbeat shows a mode that the vehicle has left: it would look as if somebody else had changed it.
 A late MISSION_CURRENT shows the mission before as complete: the one just begun would count as
 flown. The frames of a component are numbered, modulo 256.
@@ -200,7 +200,7 @@ def _has_jumped(clock: _Clock, passed_ms: int, now: float) -> bool:
     """Whether a clock has not gone on by what it would at its rate of before.
 
     A simulated vehicle's clock runs faster or slower than the broker's, and in bursts: the
-    tolerance grows with its rate. Frames that were kept on the way look like a jump.
+    tolerance grows with its rate. Frames that were delayed look like a jump.
     """
     gap_s, known_s = now - clock.received_at, clock.received_at - clock.began_at
     is_rate_known = known_s >= RATE_KNOWN_S
@@ -354,7 +354,7 @@ UNANSWERED_AFTER_S: Final = 10.0
 """Time without an answer after which orders do not reach it: at 30 % loss in both directions, all
 of the twenty requests are lost once in a million times."""
 LONGEST_TRIP_S: Final = 3.0
-"""Time that a request and its answer may be on their way on a slow link."""
+"""Time that a request and its answer may be in transit on a slow link."""
 LONGEST_PAUSE_S: Final = 3.0
 """A monitor that was not stepped for longer has not listened: its time begins again."""
 REQUESTS_KEPT: Final = 32

@@ -67,7 +67,7 @@ class LogEntry(NamedTuple):
 class LogList:
     """One list; `entries` is None until it has ended, and empty if there is no log or no answer.
 
-    `num_logs` says how many there are. `last_log_num` does not say which number is the last one: a
+    `num_logs` is their number. `last_log_num` does not show which number is the last one: a
     vehicle that numbers its logs from 0 gives that number or, since PX4 1.16, the number of logs;
     after a request for a few of them, PX4 and ArduPilot give the last one of that request.
     """

@@ -1,6 +1,6 @@
 """Sets the rates of the messages that the broker requires, and sets them again when they stop.
 
-One SET_MESSAGE_INTERVAL is outstanding at a time, because COMMAND_ACK does not say which of
+One SET_MESSAGE_INTERVAL is outstanding at a time, because COMMAND_ACK does not show which of
 several it answers. HOME_POSITION is requested until it is received; vehicles send it rarely.
 AUTOPILOT_VERSION, which distinguishes kinds of vehicles and each from the others, is requested a
 few times at once, then now and then until it is received. Frequent messages that the broker does
@@ -355,7 +355,7 @@ def request_message(
 ) -> Message:
     """REQUEST_MESSAGE(512); the message itself is the answer that counts.
 
-    `number` says which one, of a picture for example; `component` as of `set_interval`.
+    `number` selects one, of a picture for example; `component` as of `set_interval`.
     """
     command = mavlink.MAV_CMD_REQUEST_MESSAGE
     return long_command(command, message_id, number, component=component).message(route, 0)

@@ -7,7 +7,6 @@ points as those of a mission; their commands show what they are.
 `MissionVerify` verifies before a flight that the vehicle holds the uploaded plan. MISSION_CURRENT
 must report the id of the acknowledgement. For vehicles without ids and for uncertain uploads, the
 plan is read back and compared.
-
 """
 
 from collections.abc import Callable, Sequence

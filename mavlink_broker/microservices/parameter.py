@@ -6,8 +6,8 @@ refuses reports the old value, and some also the reason (PARAM_ERROR); one that 
 may stay silent.
 
 Integers are sent in a float field, either as their bits or as their value. A capability in
-AUTOPILOT_VERSION says which (PARAM_ENCODE_BYTEWISE, PARAM_ENCODE_C_CAST); the wrong choice corrupts
-them without an error.
+AUTOPILOT_VERSION shows which (PARAM_ENCODE_BYTEWISE, PARAM_ENCODE_C_CAST); the wrong choice
+corrupts them without an error.
 """
 
 import math

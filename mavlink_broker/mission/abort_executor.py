@@ -175,7 +175,7 @@ class AbortExecutor:
         self._unheard_since: float | None = None  # None: the vehicle shows itself
         self._lands_instead = False
         self._is_there = event.abort is None  # At the place, if there is one
-        self._lands_here: str | None = None  # Why that was ordered last, otherwise than it says
+        self._lands_here: str | None = None  # Why that was ordered last, instead of its own place
         self._obeyed_at: float | None = None  # It has left its mission
         self._ordered_at: float | None = None
         self._mode_before: str | None = vehicle.mode  # Until it is in its mission
@@ -226,7 +226,7 @@ class AbortExecutor:
         return is_down and self._was_flying and not self._was_answered
 
     def _note_answer(self) -> None:
-        """Note that an order of the present action was answered, whichever way."""
+        """Note that an order of the present action was accepted or refused."""
         phase = self._executor.phase
         is_refused = phase is LivePhase.FAILED and not self._executor.is_unanswered
         self._was_answered |= phase in _BEGUN or is_refused
@@ -372,7 +372,7 @@ class AbortExecutor:
 
     @property
     def instead(self) -> str | None:
-        """What the vehicle has done otherwise than the event says; None if nothing."""
+        """What the vehicle has done otherwise than the event orders; None if nothing."""
         if not self._was_flying:
             return None if self._is_there else STANDS
         if not self._is_there:

@@ -115,7 +115,7 @@ VEHICLE_WITHIN_S: Final = 60.0
 PROGRESS_WITHIN_S: Final = 3.0
 """How long an abort waits for what the vehicle has flown while it was not followed.
 
-`Phase.is_progress_unknown` says so before the abort is ordered, `Aborting` behind a link that was
+`Phase.is_progress_unknown` covers it before the abort is ordered, `Aborting` behind a link that was
 away during it.
 """
 MOST_FENCE_CHANGES: Final = 4

@@ -72,7 +72,7 @@ def difference(
     """Name the first difference that the family's storage does not explain, or None.
 
     A home item is the vehicle's own and is not compared. A mission that flies since an earlier run
-    of the broker (`home_may_have_moved`) may differ in two ways: a position that was home then may
+    of the broker (`home_may_have_moved`) may differ in two cases: a position that was home then may
     be some metres from home now, and an event may have changed the speed.
     """
     if len(messages) != len(plan.items):

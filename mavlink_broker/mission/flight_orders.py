@@ -7,7 +7,7 @@ A mission that is paused stays RUNNING. Mission items go on where they were. A c
 live begins anew: the vehicle has left it. Between two segments the vehicle holds anyway, so a pause
 that comes while items are transferred is ordered as soon as they fly.
 
-A vehicle may obey two orders the other way round if the second was sent before the first was
+A vehicle may obey two orders in reverse if the second was sent before the first was
 answered: the network may deliver them so. A hold behind a resume is then the mission paused again,
 which an event can resume; a vehicle that flies on behind a pause is ordered to hold again.
 
@@ -92,9 +92,9 @@ class PauseOrders:
         return change
 
     def assume(self, last_note: str | None) -> None:
-        """Take a mission of an earlier run as paused if its report says so last.
+        """Take a mission of an earlier run as paused if its last report is that.
 
-        The journal says the same, but could perhaps not be written.
+        The journal holds the same, unless it could not be written.
         """
         if last_note == PAUSED:
             self._vehicle.recovery.paused = self._mission

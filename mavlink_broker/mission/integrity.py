@@ -58,15 +58,15 @@ def foreign_uploader(message: Message, vehicle: Vehicle) -> int | None:
 
 
 def total_of(message: Message) -> int | None:
-    """Give the number of items that a vehicle says it holds; None if it says none."""
+    """Give the number of items that a vehicle reports to hold; None if it reports none."""
     is_known = message.get_type() == "MISSION_CURRENT" and message.total not in NO_TOTALS
     return int(message.total) if is_known else None
 
 
 def fence_change_of(message: Message, vehicle: Vehicle, now: float) -> str | None:
-    """Say what another system has done to a vehicle's geofence, by the answer to it; None: nothing.
+    """Describe what another system has done to the geofence, by the answer to it; None: nothing.
 
-    An answer to DO_FENCE_ENABLE does not say which it was.
+    An answer to DO_FENCE_ENABLE does not show whether it was enabled or disabled.
     """
     system, kind = vehicle.route.other_addressee(message), message.get_type()
     is_end = kind == "MISSION_ACK" and message.type == mavlink.MAV_MISSION_ACCEPTED

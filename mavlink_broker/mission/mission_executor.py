@@ -368,7 +368,7 @@ class MissionExecutor:
             self.abort_now(work, now, effects)
 
     def abort_now(self, work: EventWork, now: float, effects: Effects) -> None:
-        """End the mission; a vehicle that is armed is sent where the event says."""
+        """End the mission; a vehicle that is armed is sent where the event orders."""
         authority = self._context.authority
         self._context.soft_abort.answer("done", REPLACED, effects)
         self._cancel_upload(effects)
@@ -406,7 +406,7 @@ class MissionExecutor:
     def _monitors_of_flight(self) -> SegmentMonitors | None:
         """Give what follows the items that the vehicle flies, until it obeys an abort.
 
-        An order to start them may be on its way; only a known mode shows whether it has arrived.
+        An order to start them may be in transit; only a known mode shows whether it has arrived.
         """
         if self.state is State.STARTING and self._vehicle.family.knows_modes:
             return SegmentMonitors.of(self._context)

@@ -372,7 +372,7 @@ class MissionQueue:
     def _abort(
         self, work: EventWork, now: float, effects: Effects, replaced: ReplacedOrders
     ) -> None:
-        """End missions, and send the vehicle where the abort says; or refuse it."""
+        """End missions, and send the vehicle where the abort orders; or refuse it."""
         has_ended = self._end_waiting(work, effects) or self._events.has_ended_missions(work)
         current = self._current
         if current is not None and self._is_droppable(current) and _concerns(work, current):
@@ -439,7 +439,7 @@ class MissionQueue:
             self._current.raise_alarm(reason, now, effects)
 
     def vehicle_restarted(self, reason: str, now: float, effects: Effects) -> None:
-        """Note that the vehicle was restarted, or is another one: `reason` says which."""
+        """Note that the vehicle was restarted, or is another one: `reason` is which."""
         self._events.vehicle_restarted(effects)
         if self._current is not None:
             self._current.vehicle_restarted(reason, now, effects)

@@ -162,7 +162,7 @@ class PictureCollector:
         if is_undated and now - one.announced_at < STORED_WITHIN_S:
             return True
         if camera.goes_back and one.time_s < self._mission.followed_from_s:
-            return True  # They are given to commands in their order, and come the other way round
+            return True  # They are given to commands in their order, and arrive in reverse
         if self._mission.flight is None:
             return self._mission.is_mission_open and now - one.announced_at < MISSION_WITHIN_S
         picture = one.time_s, capture.component, capture.position

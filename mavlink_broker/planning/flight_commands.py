@@ -10,7 +10,7 @@ first before the next leg starts and all others after it, so that a speed that i
 that leg in every version. A waypoint at the vehicle's own position ends before the second, so the
 speed is set once more after the first waypoint.
 
-PX4 and ArduCopter limit the horizontal and the vertical speed of a leg apart, and keep its
+PX4 and ArduCopter limit the horizontal and the vertical speed of a leg separately, and keep its
 direction (`PositionSmoothing.cpp`, clampToXYNorm and clampToZNorm; `SCurve.cpp`, kinematic_limit).
 So the vector of a leg that climbs at the angle g is at most the horizontal limit over cos(g), and a
 leg that climbs or descends gets a horizontal limit of maximum_speed cos(g). A vertical leg is

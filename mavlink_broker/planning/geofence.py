@@ -7,7 +7,6 @@ carries the number of corners, in the order of the outline. Heights are not item
 `AreaCheck` holds a mission, as its vehicle will fly it, against the geofence. The laws are
 `afarcloud.fence_check` and `afarcloud.flyable`, which the edge server asks too; here they get what
 only the broker knows: where the vehicle stands, its home, and what its family makes of a command.
-
 """
 
 from collections.abc import Sequence

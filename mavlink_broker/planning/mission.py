@@ -105,7 +105,7 @@ class FlightPlan:
 
     @property
     def least_time_s(self) -> float:
-        """What flying its items takes at least: the way between their places, and the holds [s]."""
+        """Least time to fly its items: the legs between their places, and the holds [s]."""
         legs = [self.items[seq] for seq in self._legs]
         places = [(item.latitude_deg, item.longitude_deg) for item in legs if item.is_positional]
         way_m = sum(distance_m(*before, *after) for before, after in pairwise(places))
@@ -378,10 +378,10 @@ def translate(
 ) -> Itinerary:
     """Translate a whole mission for one family of autopilots.
 
-    The same mission, family, home, refusals and `flight` always give the same items. `flight` tells
-    apart missions of one number, which a vehicle flies one after the other. `refused` are the
-    MAV_CMDs that the vehicle has refused as mission items; a segment of more than `most_items` is
-    flown in parts, between which the vehicle holds.
+    The same mission, family, home, refusals and `flight` always give the same items. `flight`
+    distinguishes missions of one number, which a vehicle flies one after the other. `refused` are
+    the MAV_CMDs that the vehicle has refused as mission items; a segment of more than `most_items`
+    is flown in parts, between which the vehicle holds.
 
     Raises:
         RefusedError: for the first command that cannot be flown.

@@ -112,7 +112,7 @@ def unhealthy_parts(bits: int) -> str:
 
 
 _NOTED: Final = frozenset(failure for _, failure in _SENSORS)
-"""What the vehicle itself says of its parts; a camera is noted by its heartbeats."""
+"""What the vehicle itself reports of its parts; a camera is noted by its heartbeats."""
 
 
 def _name(source: str, failure: Failure) -> str:

@@ -90,7 +90,7 @@ class ObservedMode(NamedTuple):
     in_failsafe: bool = False
     is_manual: bool = False  # By the standard bits, of an autopilot whose modes are not known
     ordered: "ForeignOrder | None" = None  # What another system has ordered since
-    is_known: bool = True  # Else neither mode nor role says what it does
+    is_known: bool = True  # Else neither mode nor role shows what it does
 
     @property
     def may_be_others(self) -> bool:

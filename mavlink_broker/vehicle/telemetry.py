@@ -1,4 +1,4 @@
-"""A vehicle's messages to what the cloud wants to know; what is unknown stays absent.
+"""A vehicle's messages as the values that the cloud receives; unknown values stay absent.
 
 Angles become degrees, yaw 0 to 360 clockwise from north; positions degrees; altitude metres
 above home, as MAVLink's `relative_alt`; speed is the length of the whole velocity, m/s.

@@ -2,7 +2,7 @@
 
 FAILING: something was refused or went wrong, and the vehicle may still send its reasons.
 
-ABORTING: an event or an alarm has ended the mission, and the vehicle is sent where that says. A
+ABORTING: an event or an alarm has ended the mission, and the vehicle is sent to its destination. A
 vehicle that flies items goes on with them until an order has reached it: its progress counts until
 then, and the mission ends with its first obedience. If none reaches it, it flies the mission to its
 end, and the mission is finished.
@@ -130,7 +130,7 @@ class Failing(Phase):
     def _reasons_since(self) -> float:
         """The time from which on the vehicle has sent reasons; before a flight, its beginning.
 
-        What it has said earlier in a flight belongs to something else, such as another system's
+        What it has sent earlier in a flight belongs to something else, such as another system's
         order that it has refused.
         """
         began_at = self._mission.began_at
@@ -179,7 +179,7 @@ class Aborting(Phase):
     def __init__(self, context: MissionContext) -> None:
         super().__init__(context)
         self._executor: AbortExecutor | None = None
-        self._note: str | None = None  # What is done otherwise than the event says
+        self._note: str | None = None  # What is done otherwise than the event orders
         self._work: EventWork | None = None  # None: an alarm has ended the mission
         self._monitors: SegmentMonitors | None = None  # Of what it flies until it obeys, if any
         self._reason = ""  # Why the mission ends then
