@@ -96,7 +96,7 @@ def items(plan: FlightPlan) -> list[dict[str, Any]]:
     return [
         {name: plain(getattr(message, name)) for name in _ITEM_FIELDS}
         | {"name": command_name(message.command)}
-        for message in plan.messages(_ROUTE.target_system, _ROUTE.target_component)
+        for message in plan.messages(*_ROUTE.target)
     ]
 
 

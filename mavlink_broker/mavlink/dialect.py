@@ -163,6 +163,11 @@ class Route(NamedTuple):
     target_system: int
     target_component: int
 
+    @property
+    def target(self) -> tuple[int, int]:
+        """Target system and component, as most messages begin with them."""
+        return self.target_system, self.target_component
+
     def is_for_us(self, message: Message) -> bool:
         """Whether a message addresses the broker; 0 or a missing field addresses everybody."""
         system = getattr(message, "target_system", 0)

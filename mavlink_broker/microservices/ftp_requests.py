@@ -74,10 +74,7 @@ def encode_request(route: Route, packet: Packet) -> Message:
         packet.seq, packet.session, packet.opcode, packet.size, 0, 0, 0, packet.offset
     )
     return mavlink.MAVLink_file_transfer_protocol_message(
-        0,
-        route.target_system,
-        route.target_component,
-        (header + packet.data).ljust(_PAYLOAD_BYTES, b"\x00"),
+        0, *route.target, (header + packet.data).ljust(_PAYLOAD_BYTES, b"\x00")
     )
 
 

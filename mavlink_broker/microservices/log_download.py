@@ -124,8 +124,7 @@ class LogList:
     def _request(self, first: int, last: int, now: float) -> list[Message]:
         self._attempts += 1
         self._due_at = now + max(LIST_SILENCE_S, self._round_trip.timeout_s)
-        target = self._route.target_system, self._route.target_component
-        return [mavlink.MAVLink_log_request_list_message(*target, first, last)]
+        return [mavlink.MAVLink_log_request_list_message(*self._route.target, first, last)]
 
     def _candidates(self) -> range:
         """The numbers that the logs may have: one more than there are, as long as both ends may."""
@@ -145,8 +144,7 @@ def first_byte_request(entry: LogEntry, route: Route) -> Message:
 
     Until then it lists that log with the present time.
     """
-    target = route.target_system, route.target_component
-    return mavlink.MAVLink_log_request_data_message(*target, entry.number, 0, 1)
+    return mavlink.MAVLink_log_request_data_message(*route.target, entry.number, 0, 1)
 
 
 class LogPart(NamedTuple):
@@ -266,8 +264,7 @@ class LogDownload:
         return [self._data_request(another, 0, 1), wanted]
 
     def _data_request(self, log: int, offset: int, count: int) -> Message:
-        target = self._route.target_system, self._route.target_component
-        return mavlink.MAVLink_log_request_data_message(*target, log, offset, count)
+        return mavlink.MAVLink_log_request_data_message(*self._route.target, log, offset, count)
 
     def _timeout_s(self) -> float:
         doublings = min(max(0, self._unanswered - CONSTANT_REPETITIONS), 4)

@@ -317,9 +317,8 @@ class StreamRequests:
         if not self.overdue(now):
             return []
         self._groups_requested_at = now
-        target = self.route.target_system, self.route.target_component
         return [
-            mavlink.MAVLink_request_data_stream_message(*target, group, rate_hz, 1)
+            mavlink.MAVLink_request_data_stream_message(*self.route.target, group, rate_hz, 1)
             for group, rate_hz in _GROUPS
         ]
 

@@ -64,7 +64,6 @@ class MissionDownload:
         self._as_floats = as_floats
         self._route = route
         self._round_trip = round_trip
-        self._target = route.target_system, route.target_component
         self._count: int | None = None
         self._items: list[Message] = []
         self._attempts = 0
@@ -92,7 +91,7 @@ class MissionDownload:
             case "MISSION_COUNT" if self._count is None and message.count > MAX_ITEMS:
                 self._fail(f"it has {message.count} items, limit {MAX_ITEMS}")
                 cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
-                return [MissionAck(*self._target, cancelled, self._type)]
+                return [MissionAck(*self._route.target, cancelled, self._type)]
             case "MISSION_COUNT" if self._count is None:
                 self._count = message.count
                 return self._answered(now)
@@ -131,13 +130,13 @@ class MissionDownload:
         self._sent_at = now
         self._deadline = now + self._round_trip.timeout_s
         if self._count is None:
-            return [mavlink.MAVLink_mission_request_list_message(*self._target, self._type)]
+            return [mavlink.MAVLink_mission_request_list_message(*self._route.target, self._type)]
         request = (
             mavlink.MAVLink_mission_request_message
             if self._as_floats
             else mavlink.MAVLink_mission_request_int_message
         )
-        return [request(*self._target, len(self._items), self._type)]
+        return [request(*self._route.target, len(self._items), self._type)]
 
     def _answered(self, now: float) -> list[Message]:
         if self._attempts == 1:
@@ -146,7 +145,7 @@ class MissionDownload:
         if len(self._items) != self._count:
             return self._ask(now)
         self.outcome = Downloaded(tuple(self._items))
-        return [MissionAck(*self._target, mavlink.MAV_MISSION_ACCEPTED, self._type)]
+        return [MissionAck(*self._route.target, mavlink.MAV_MISSION_ACCEPTED, self._type)]
 
     def _pause(self, now: float) -> None:
         if self._transfers >= TRANSFERS:

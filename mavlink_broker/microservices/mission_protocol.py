@@ -176,6 +176,7 @@ class MissionSetCurrent:
         self._deadline = now + max(REQUEST_INTERVAL_S, self._round_trip.timeout_s)
         messages = [request_message(self._route, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)]
         if isinstance(self._command.outcome, Refused):
-            target = self._route.target_system, self._route.target_component
-            messages.insert(0, mavlink.MAVLink_mission_set_current_message(*target, self._seq))
+            messages.insert(
+                0, mavlink.MAVLink_mission_set_current_message(*self._route.target, self._seq)
+            )
         return messages

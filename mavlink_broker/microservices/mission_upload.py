@@ -193,8 +193,7 @@ class MissionUpload:
         self._attempts += 1
         self._sent_at = now
         self._deadline = now + self._round_trip.timeout_s
-        target = self._route.target_system, self._route.target_component
-        return [MissionCount(*target, len(self._items), self._type)]
+        return [MissionCount(*self._route.target, len(self._items), self._type)]
 
     def _repeat_count(self, now: float) -> list[Message]:
         if self._attempts < COUNT_ATTEMPTS:
@@ -316,8 +315,7 @@ class MissionClear:
         """Send the request."""
         self._attempts += 1
         self._deadline = now + self._round_trip.timeout_s
-        target = self._route.target_system, self._route.target_component
-        return [mavlink.MAVLink_mission_clear_all_message(*target, self._type)]
+        return [mavlink.MAVLink_mission_clear_all_message(*self._route.target, self._type)]
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Handle the acknowledgement."""

@@ -247,12 +247,11 @@ class ParameterWrite:
         self._attempts += 1
         self._sent_at = now
         self._deadline = now + self._round_trip.timeout_s
-        target = self._route.target_system, self._route.target_component
         name = self._setting.name.encode("ascii")
         if self._kind is None:
-            return [mavlink.MAVLink_param_request_read_message(*target, name, -1)]
+            return [mavlink.MAVLink_param_request_read_message(*self._route.target, name, -1)]
         field = to_field(self._setting.value, self._kind, self._encoding)
-        return [mavlink.MAVLink_param_set_message(*target, name, field, self._kind)]
+        return [mavlink.MAVLink_param_set_message(*self._route.target, name, field, self._kind)]
 
     def _refuse(self, why: str) -> None:
         self.outcome = Refused(f"parameter {self._setting.name}: {why}")
@@ -336,10 +335,7 @@ class ParameterRead:
         self._deadline = now + self._round_trip.timeout_s
         return [
             mavlink.MAVLink_param_request_read_message(
-                self._route.target_system,
-                self._route.target_component,
-                self._name.encode("ascii"),
-                -1,
+                *self._route.target, self._name.encode("ascii"), -1
             )
         ]
 

@@ -239,7 +239,7 @@ def upload(plan: FlightPlan, vehicle: Vehicle) -> MissionUpload:
     """Put the plan onto the vehicle."""
     route = vehicle.route
     return MissionUpload(
-        plan.messages(route.target_system, route.target_component),
+        plan.messages(*route.target),
         route,
         vehicle.round_trip,
         busy_pause_s=vehicle.family.busy_pause_s,
@@ -249,10 +249,8 @@ def upload(plan: FlightPlan, vehicle: Vehicle) -> MissionUpload:
 
 def cancellation(vehicle: Vehicle) -> Message:
     """End an upload in the middle: the vehicle keeps what it had."""
-    route = vehicle.route
-    return mavlink.MAVLink_mission_ack_message(
-        route.target_system, route.target_component, mavlink.MAV_MISSION_OPERATION_CANCELLED
-    )
+    cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
+    return mavlink.MAVLink_mission_ack_message(*vehicle.route.target, cancelled)
 
 
 def verification(plan: FlightPlan, vehicle: Vehicle, opaque_id: int) -> MissionVerify:

@@ -384,8 +384,8 @@ class FlightLogs:
         self._postpone_current(0.0)
 
     def _end_download(self, effects: Effects) -> None:
-        target = self._vehicle.route.target_system, self._vehicle.route.target_component
-        effects.messages.append(mavlink.MAVLink_log_request_end_message(*target))
+        route = self._vehicle.route
+        effects.messages.append(mavlink.MAVLink_log_request_end_message(*route.target))
         self._download = self._list = None
         self._is_checking = False
 
