@@ -30,7 +30,6 @@ from mavlink_broker.config import DEFAULT_SYSTEM_ID
 from mavlink_broker.links.hub import Hub
 from mavlink_broker.links.url import Address, LinkKind, LinkUrl
 from mavlink_broker.mavlink.codec import Decoder
-from mavlink_broker.mavlink.dialect import ONBOARD_COMPUTER
 from mavlink_broker.mavlink.signing import KEY_LENGTH, KeyRing
 from mavlink_broker.microservices.signing_setup import Outcome, SigningSetup
 
@@ -98,14 +97,13 @@ def _success(options: argparse.Namespace, outcome: Outcome, file: Path) -> str:
 def _set_up(
     url: LinkUrl, system: int, key: bytes | None, current: bytes | None
 ) -> tuple[Outcome, list[str]]:
-    """Talk to the vehicle until it has the key, or does not take it."""
+    """Run the setup until the vehicle has the key, or does not take it."""
     clock, signals, decoder = SystemClock(), Signals(), Decoder()
     setup = SigningSetup(
         system,
         key,
         current_key=current,
         own_system=DEFAULT_SYSTEM_ID,
-        own_component=ONBOARD_COMPUTER,
         utc=clock.utc,
     )
     with link_errors(), closing(Hub()) as hub:

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from mavlink_broker.autopilots.status_texts import StatusTexts
 from mavlink_broker.mavlink.codec import Encoder, is_signed
-from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
+from mavlink_broker.mavlink.dialect import ONBOARD_COMPUTER, Message, mavlink, source_of
 from mavlink_broker.mavlink.signing import EPOCH, KEY_LENGTH, TICKS_PER_S, LinkSigning
 from mavlink_broker.microservices.link_state import own_heartbeat
 
@@ -49,7 +49,6 @@ class SigningSetup:
         *,
         current_key: bytes | None,
         own_system: int,
-        own_component: int,
         utc: Callable[[], datetime],
     ) -> None:
         """Set `key`, None removes the present one; `current_key` is what the vehicle may have."""
@@ -59,7 +58,7 @@ class SigningSetup:
         self._new = None if key is None else LinkSigning(key, utc)
         self._current = None if current_key is None else LinkSigning(current_key, utc)
         self._signs_with_current = False
-        self._encoder = Encoder(own_system, own_component)
+        self._encoder = Encoder(own_system, ONBOARD_COMPUTER)
         self._texts = StatusTexts()
         self._sends_version_1 = False
         self._began: float | None = None

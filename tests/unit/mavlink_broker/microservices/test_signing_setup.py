@@ -68,9 +68,7 @@ def load(
     vehicle: Vehicle | None, key: bytes | None, current: bytes | None = None
 ) -> tuple[Outcome, int]:
     """Let both talk for up to half a minute; gives the outcome and how often a key was sent."""
-    setup = SigningSetup(
-        SYSTEM, key, current_key=current, own_system=254, own_component=191, utc=lambda: NOW
-    )
+    setup = SigningSetup(SYSTEM, key, current_key=current, own_system=254, utc=lambda: NOW)
     decoder = Decoder()
     for tick in range(300):
         now = tick / 10.0
