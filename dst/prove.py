@@ -301,6 +301,7 @@ BREAKS: Final = (
             ),
         ),
         (Fault.SWAPPED,),
+        shift_s=300.0,
     ),
     Break(
         "a mission that expires while it goes onto the vehicle is flown",
