@@ -1,7 +1,8 @@
 """MAVFTP server: distributes requests to clients and limits their work.
 
-Clients (system and component) are served in turn; a token bucket limits work and data, which
-protects the control loop.
+Clients are served in turn; a token bucket limits work and data, which protects the control loop.
+Two stations have the same ids where neither has been given its own, so a client is its ids and its
+address.
 """
 
 from typing import Final
@@ -20,16 +21,6 @@ _REPLIES: Final = frozenset({Opcode.ACK, Opcode.NAK})
 _HOUSEKEEPING_US: Final = 1_000_000
 
 
-class _Connection:
-    """A client and its address."""
-
-    __slots__ = ("client", "sender")
-
-    def __init__(self, client: FileClient, sender: Sender) -> None:
-        self.client = client
-        self.sender = sender
-
-
 class FileServer:
     """Serves FILE_TRANSFER_PROTOCOL."""
 
@@ -38,7 +29,7 @@ class FileServer:
         self._system_id = system_id
         self._store = store
         self._bucket = bucket
-        self._connections: dict[tuple[int, int], _Connection] = {}
+        self._clients: dict[Sender, FileClient] = {}
         self._housekeeping_us = 0
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
@@ -48,64 +39,55 @@ class FileServer:
         request = read_request(bytes(message.payload))
         if request.opcode in _REPLIES:
             return []  # Answering replies could loop
-        connection = self._connection(sender, now_us)
-        if connection is None:
+        client = self._client(sender, now_us)
+        if client is None:
             return []
-        connection.sender = sender
-        connection.client.add_request(request, now_us)
+        client.add_request(request, now_us)
         return self._work(now_us)
 
     def tick(self, now_us: int) -> list[Outgoing]:
         """Continue transfers."""
-        if not self._connections:
+        if not self._clients:
             return []
         if now_us >= self._housekeeping_us:
             self._housekeeping_us = now_us + _HOUSEKEEPING_US
-            for connection in self._connections.values():
-                connection.client.close_idle(now_us - IDLE_LIMIT_US)
+            for client in self._clients.values():
+                client.close_idle(now_us - IDLE_LIMIT_US)
         return self._work(now_us)
 
-    def _connection(self, sender: Sender, now_us: int) -> _Connection | None:
-        """The connection of a sender; None when there are too many clients."""
-        connection = self._connections.get(sender.identity)
-        if connection is not None:
-            return connection
-        if len(self._connections) >= MAX_CLIENTS and not self._drop_idle_client(now_us):
+    def _client(self, sender: Sender, now_us: int) -> FileClient | None:
+        """The client that a sender is; None when there are too many."""
+        client = self._clients.get(sender)
+        if client is not None:
+            return client
+        if len(self._clients) >= MAX_CLIENTS and not self._drop_idle_client(now_us):
             return None
-        connection = _Connection(FileClient(self._store, now_us), sender)
-        self._connections[sender.identity] = connection
-        return connection
+        client = self._clients[sender] = FileClient(self._store, now_us)
+        return client
 
     def _drop_idle_client(self, now_us: int) -> bool:
         """Drop the client with the oldest request if it is idle or has timed out."""
-        identity, connection = min(
-            self._connections.items(), key=lambda item: item[1].client.received_us
-        )
-        if (
-            not connection.client.is_idle
-            and now_us - connection.client.received_us < _CLIENT_TIMEOUT_US
-        ):
+        sender, client = min(self._clients.items(), key=lambda item: item[1].received_us)
+        if not client.is_idle and now_us - client.received_us < _CLIENT_TIMEOUT_US:
             return False
-        connection.client.close()
-        del self._connections[identity]
+        client.close()
+        del self._clients[sender]
         return True
 
     def _work(self, now_us: int) -> list[Outgoing]:
         """Serve the clients in turn while there are tokens and work."""
         self._bucket.refill(now_us)
         outgoing: list[Outgoing] = []
-        busy = [
-            connection for connection in self._connections.values() if connection.client.has_work
-        ]
+        busy = [(sender, client) for sender, client in self._clients.items() if client.has_work]
         while busy:
-            for connection in busy:
+            for sender, client in busy:
                 if not self._bucket.ready:
                     return outgoing
-                reply, cost = connection.client.step(now_us)
+                reply, cost = client.step(now_us)
                 self._bucket.spend(cost)
                 if reply is not None:
-                    outgoing.append(_message(reply, connection.sender))
-            busy = [connection for connection in busy if connection.client.has_work]
+                    outgoing.append(_message(reply, sender))
+            busy = [(sender, client) for sender, client in busy if client.has_work]
         return outgoing
 
 

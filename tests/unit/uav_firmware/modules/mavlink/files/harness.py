@@ -20,6 +20,8 @@ from uav_firmware.parameters import Registry
 SYSTEM: Final = 7
 ALICE: Final = Sender(255, 190, ("192.0.2.2", 14550))
 BOB: Final = Sender(254, 191, ("192.0.2.3", 14540))
+TWIN: Final = Sender(255, 190, ("192.0.2.4", 14550))
+"""Has the ids of ALICE, as two ground stations have that were not given their own."""
 TICK_US: Final = 20_000
 _HEADER: Final = struct.Struct("<HBBBBBBI")
 
@@ -174,7 +176,7 @@ class FileHarness:
         """Sort messages by recipient; return those to the sender."""
         answers: dict[Sender, list[Answer]] = {sender: []}
         for one in outgoing:
-            to = next(who for who in (ALICE, BOB) if who.address == one.to)
+            to = next(who for who in (ALICE, BOB, TWIN) if who.address == one.to)
             assert one.message.target_system == to.system
             assert one.message.target_component == to.component
             answers.setdefault(to, []).append(read_answer(one))

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.unit.uav_firmware.modules.mavlink.files.harness import ALICE, BOB, FileHarness
+from tests.unit.uav_firmware.modules.mavlink.files.harness import ALICE, BOB, TWIN, FileHarness
 from uav_firmware.modules.mavlink.files.client import BURST_PACKETS
 from uav_firmware.modules.mavlink.files.codec import Fault, Opcode
 from uav_firmware.modules.mavlink.files.sessions import (
@@ -321,6 +321,18 @@ def test_senders_have_their_own_numbers_and_sessions(harness: FileHarness) -> No
     assert harness.request(Opcode.RESET_SESSIONS, sender=BOB).acknowledged
     assert harness.request(Opcode.READ_FILE, session=0, size=239).acknowledged
     assert harness.request(Opcode.READ_FILE, session=0, size=239, sender=BOB).fault == 4
+
+
+def test_senders_with_the_same_ids_write_to_their_own_files(harness: FileHarness) -> None:
+    session = harness.open(f"{CARD}/a", Opcode.CREATE_FILE)
+    assert harness.request(Opcode.CREATE_FILE, f"{CARD}/b", sender=TWIN).session == session
+    assert harness.request(Opcode.WRITE_FILE, b"of alice").acknowledged
+    assert harness.request(Opcode.WRITE_FILE, b"of the twin", sender=TWIN).acknowledged
+    assert harness.request(Opcode.RESET_SESSIONS, sender=TWIN).acknowledged
+    assert harness.request(Opcode.WRITE_FILE, b", whole", offset=8).acknowledged
+    assert harness.request(Opcode.TERMINATE_SESSION).acknowledged
+    assert (harness.files / "a").read_bytes() == b"of alice, whole"
+    assert (harness.files / "b").read_bytes() == b"of the twin"
 
 
 def test_sessions_are_limited_and_reusable(harness: FileHarness) -> None:
