@@ -1,8 +1,11 @@
 """Server of the log protocol: lists and downloads of flight logs.
 
-Sans-IO but for the file store. Log numbers are valid until the next list: a log removed in between
-keeps its number and has no data. Log 0 is the oldest. Files are `2026-03-01/09_30_00.ulg`; a second
-one of the same second is `09_30_00_2.ulg`.
+Sans-IO but for the file store. A client's log numbers are valid until its next list: a log removed
+in between keeps its number and has no data. Log 0 is the oldest. Files are
+`2026-03-01/09_30_00.ulg`; a second one of the same second is `09_30_00_2.ulg`.
+
+Two stations have the same ids where neither has been given its own, so a client is its ids and its
+address.
 
 A range that ends at the end of the log ends with its last packet. A request beyond the end is
 answered with one empty packet, which marks the end for clients.
@@ -84,6 +87,7 @@ class _Client:
     """Pending requests of one client."""
 
     sender: Sender
+    logs: list[Log] = field(default_factory=list)  # By number, as this client was told
     list_from: int | None = None  # First log of a requested list
     list_to: int = 0
     entries: deque[int] = field(default_factory=deque)  # Numbers still to send
@@ -121,8 +125,7 @@ class LogServer:
         self._is_armed = is_armed
         self._texts = texts
         self._bucket = TokenBucket(MOST_PER_S, PACKETS_MAX)
-        self._clients: dict[tuple[int, int], _Client] = {}
-        self._logs: list[Log] = []
+        self._clients: dict[Sender, _Client] = {}
         self._handlers: dict[str, Callable[[Message, _Client, int], None]] = {
             "LOG_REQUEST_LIST": self._request_list,
             "LOG_REQUEST_DATA": self._request_data,
@@ -134,7 +137,7 @@ class LogServer:
             return []
         kind = message.get_type()
         if kind == "LOG_REQUEST_END":
-            self._drop_client(sender.identity)
+            self._stop(sender)
             return []
         if kind == "LOG_ERASE":
             return self._erase(now_us)
@@ -149,19 +152,25 @@ class LogServer:
 
     def _client(self, sender: Sender) -> _Client | None:
         """State of a client; an idle client is dropped if there are too many."""
-        client = self._clients.get(sender.identity)
+        client = self._clients.get(sender)
         if client is None:
             if len(self._clients) >= MAX_CLIENTS:
                 idle = [key for key, one in self._clients.items() if not one.has_work]
                 if not idle:
                     return None
                 self._drop_client(idle[0])
-            client = self._clients[sender.identity] = _Client(sender)
-        client.sender = sender
+            client = self._clients[sender] = _Client(sender)
         return client
 
-    def _drop_client(self, identity: tuple[int, int]) -> None:
-        client = self._clients.pop(identity, None)
+    def _stop(self, sender: Sender) -> None:
+        """End the transfers of a client, which keeps its numbers."""
+        client = self._clients.get(sender)
+        if client is not None:
+            client.close()
+            self._clients[sender] = _Client(sender, client.logs)
+
+    def _drop_client(self, sender: Sender) -> None:
+        client = self._clients.pop(sender, None)
         if client is not None:
             client.close()
 
@@ -180,17 +189,10 @@ class LogServer:
         client.ranges.append(_Range(message.id, message.ofs, message.count))
         client.pace.request(
             now_us,
-            pending=sum(self._pieces(one) for one in client.ranges),
+            pending=sum(_pieces_left(client, one) for one in client.ranges),
             again=_pieces(min(message.count, sent_end - message.ofs)),
             follows=follows,
         )
-
-    def _pieces(self, log_range: _Range) -> int:
-        """Pieces that are left of a range of a listed log."""
-        left = log_range.left
-        if log_range.log_id < len(self._logs):
-            left = min(left, self._logs[log_range.log_id].size - log_range.offset)
-        return _pieces(left)
 
     def _work(self, now_us: int) -> list[Outgoing]:
         self._bucket.refill(now_us)
@@ -218,31 +220,35 @@ class LogServer:
     def _build_list(self, client: _Client, first: int) -> list[Outgoing]:
         """Number the logs again for a list from the beginning, or at the first request."""
         client.list_from = None
-        if first == 0 or not self._logs:
+        if first == 0 or not client.logs:
             self._bucket.spend(_LIST_COST)
-            self._find()
-        last = min(client.list_to, len(self._logs) - 1)
+            self._number(client)
+        last = min(client.list_to, len(client.logs) - 1)
         client.entries.extend(range(first, last + 1))
-        return [] if self._logs else [self._no_entry(client)]
+        return [] if client.logs else [self._no_entry(client)]
 
-    def _find(self) -> None:
-        """Number the logs; unreadable folders count as empty."""
-        for client in self._clients.values():
-            client.close()
-        self._logs = []
-        with suppress(OSError):
-            self._logs = find_logs(self._store)
+    def _number(self, client: _Client) -> None:
+        """Number the logs for a client."""
+        client.close()
+        client.logs = self._find()
+
+    def _find(self) -> list[Log]:
+        """All logs; unreadable folders count as empty."""
+        try:
+            return find_logs(self._store)
+        except OSError:
+            return []
 
     def _entry(self, client: _Client, log_id: int) -> Outgoing:
-        if log_id >= len(self._logs):
+        if log_id >= len(client.logs):
             return self._no_entry(client)
-        log = self._logs[log_id]
+        log = client.logs[log_id]
         return _to(
             client,
             mavlink.MAVLink_log_entry_message(
                 id=log_id,
-                num_logs=len(self._logs),
-                last_log_num=len(self._logs) - 1,
+                num_logs=len(client.logs),
+                last_log_num=len(client.logs) - 1,
                 time_utc=log.time_utc_s,
                 size=min(log.size, 0xFFFFFFFF),
             ),
@@ -254,8 +260,8 @@ class LogServer:
 
     def _packet(self, client: _Client, log_range: _Range) -> list[Outgoing]:
         """The next packet of a range; none for a missing log."""
-        if not self._logs:
-            self._find()
+        if not client.logs:
+            self._number(client)
         data = self._read(client, log_range)
         if data is None:
             client.ranges.popleft()
@@ -271,16 +277,16 @@ class LogServer:
         if client.sent_log != log_range.log_id:
             client.sent_log, client.sent_end = log_range.log_id, 0
         client.sent_end = max(client.sent_end, log_range.offset)
-        at_end = len(data) < PACKET_BYTES or log_range.offset >= self._logs[log_range.log_id].size
+        at_end = len(data) < PACKET_BYTES or log_range.offset >= client.logs[log_range.log_id].size
         if at_end or log_range.left <= 0:
             client.ranges.popleft()
         return [_to(client, packet)]
 
     def _read(self, client: _Client, log_range: _Range) -> bytes | None:
         """Contents of the next packet; None if the log cannot be read."""
-        if log_range.log_id >= len(self._logs):
+        if log_range.log_id >= len(client.logs):
             return None
-        log = self._logs[log_range.log_id]
+        log = client.logs[log_range.log_id]
         count = min(PACKET_BYTES, log_range.left, max(log.size - log_range.offset, 0))
         try:
             if client.file is None or client.file[0] != log_range.log_id:
@@ -298,20 +304,26 @@ class LogServer:
         self._bucket.spend(_LIST_COST)
         if self._is_armed():
             return self._texts.encode(_WARNING, "Logs not erased: the vehicle is armed")
-        self._find()
-        kept = 0
-        for log in self._logs:
+        logs, kept = self._find(), 0
+        for log in logs:
             try:
                 self._store.remove(log.place)
             except OSError:
                 kept += 1
-        for day in {log.place[:-1] for log in self._logs}:
+        for day in {log.place[:-1] for log in logs}:
             with suppress(OSError):  # A folder that is not empty stays
                 self._store.remove_folder(day)
-        erased = len(self._logs) - kept
-        self._logs = []
+        erased = len(logs) - kept
         text = f"{erased} logs erased" + (f", {kept} kept" if kept else "")
         return self._texts.encode(_INFO, text)
+
+
+def _pieces_left(client: _Client, log_range: _Range) -> int:
+    """Pieces that are left of a range of a listed log."""
+    left = log_range.left
+    if log_range.log_id < len(client.logs):
+        left = min(left, client.logs[log_range.log_id].size - log_range.offset)
+    return _pieces(left)
 
 
 def _pieces(size: int) -> int:

@@ -16,6 +16,8 @@ pytestmark = pytest.mark.usefixtures("no_open_files")
 SYSTEM: Final = 7
 ALICE: Final = Sender(255, 190, ("192.0.2.2", 14550))
 BOB: Final = Sender(254, 191, ("192.0.2.3", 14540))
+TWIN: Final = Sender(255, 190, ("192.0.2.4", 14550))
+"""Has the ids of ALICE, as two ground stations have that were not given their own."""
 ALL: Final = 0xFFFFFFFF
 TICK_US: Final = 8_000
 
@@ -175,6 +177,52 @@ def test_two_clients_get_their_own_data(reader: Reader) -> None:
     reader.listed()
     assert reader.pieces(0) == [(0, b"one")]
     assert reader.pieces(1, sender=BOB) == [(0, b"two")]
+
+
+@pytest.mark.parametrize("other", [BOB, TWIN], ids=["other ids", "same ids"])
+@pytest.mark.parametrize("erased", [False, True], ids=["listed again", "erased"])
+def test_a_download_stays_in_its_log_when_another_client_numbers_them_anew(
+    reader: Reader, other: Sender, *, erased: bool
+) -> None:
+    first = reader.log("2026-03-01", "09_00_00", b"1" * 900)
+    reader.log("2026-03-01", "10_00_00", b"2" * 900)
+    reader.busy.add(reader.log("2026-03-01", "11_00_00", b"3" * 900))
+    reader.listed()
+    assert reader.pieces(1, 0, 90) == [(0, b"2" * 90)]
+    if erased:
+        reader.send(mavlink.MAVLink_log_erase_message(SYSTEM, 1), other)
+    else:
+        first.unlink()
+        reader.send(mavlink.MAVLink_log_request_list_message(SYSTEM, 1, 0, 0xFFFF), other)
+    assert reader.pieces(1, 90, 90) == [(90, b"2" * 90)]
+
+
+def test_the_end_of_a_download_keeps_the_numbers(reader: Reader) -> None:
+    first = reader.log("2026-03-01", "09_00_00", b"first")
+    reader.log("2026-03-01", "10_00_00", b"second")
+    reader.listed()
+    first.unlink()
+    reader.send(mavlink.MAVLink_log_request_end_message(SYSTEM, 1))
+    assert reader.pieces(1) == [(0, b"second")]
+
+
+def test_clients_with_the_same_ids_get_their_own_data(reader: Reader) -> None:
+    reader.log("2026-03-01", "09_00_00", b"1" * 90_000)
+    reader.log("2026-03-01", "10_00_00", b"2" * 90_000)
+    reader.listed()
+    whole = [mavlink.MAVLink_log_request_data_message(SYSTEM, 1, log, 0, ALL) for log in (0, 1)]
+    received = reader.server.handle(whole[0], ALICE, reader.now_us)
+    received += reader.server.handle(whole[1], TWIN, reader.now_us) + reader.run(0.1)
+    received += reader.server.handle(
+        mavlink.MAVLink_log_request_end_message(SYSTEM, 1), TWIN, reader.now_us
+    )
+    received += reader.run(5.0)
+    for sender, digit in ((ALICE, b"1"), (TWIN, b"2")):
+        data = b"".join(
+            part for _, part in data_of([o for o in received if o.to == sender.address])
+        )
+        assert set(data) == set(digit)
+        assert (len(data) == 90_000) == (sender == ALICE)
 
 
 def test_a_whole_log_is_sent_at_a_pace_and_in_small_bursts(reader: Reader) -> None:
