@@ -76,7 +76,7 @@ class ManualInput:
         if sticks is None:
             return []
         if self._stream.is_other(sender) and self._in_the_air and not are_centred(sticks):
-            if self._waiting is None or self._waiting[0].identity != sender.identity:
+            if self._waiting is None or self._waiting[0] != sender:
                 self._report(now_us, f"Sticks of system {sender.system} not used: centre them")
             self._waiting = (sender, sticks)
         else:
@@ -85,7 +85,7 @@ class ManualInput:
 
     def order_mode(self, sender: Sender, now_us: int) -> None:
         """Accept sticks that are not centred: their pilot has ordered a mode."""
-        if self._waiting is None or self._waiting[0].identity != sender.identity:
+        if self._waiting is None or self._waiting[0] != sender:
             return
         sticks = self._waiting[1]
         streams = now_us - sticks.time_us <= STREAM_TIMEOUT_US

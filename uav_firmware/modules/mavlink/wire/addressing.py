@@ -33,10 +33,14 @@ STREAM_TIMEOUT_US: Final = 1_000_000
 
 
 class StreamSender:
-    """The sender whose stream the vehicle follows: one at a time, until it falls silent."""
+    """The sender whose stream the vehicle follows: one at a time, until it falls silent.
+
+    Another address is another sender: two stations have the same ids where neither has been given
+    its own.
+    """
 
     def __init__(self) -> None:
-        self._identity: tuple[int, int] | None = None
+        self._sender: Sender | None = None
         self._received_us = 0
 
     def admits(self, sender: Sender, now_us: int) -> bool:
@@ -45,11 +49,11 @@ class StreamSender:
 
     def is_other(self, sender: Sender) -> bool:
         """Whether another sender has been followed so far."""
-        return self._identity not in {None, sender.identity}
+        return self._sender not in {None, sender}
 
     def accept(self, sender: Sender, now_us: int) -> None:
         """Follow the sender of an accepted message."""
-        self._identity, self._received_us = sender.identity, now_us
+        self._sender, self._received_us = sender, now_us
 
 
 class Outgoing(NamedTuple):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.cases import failures
-from tests.unit.uav_firmware.modules.mavlink.harness import LOCAL, SYSTEM, MavlinkHarness
+from tests.unit.uav_firmware.modules.mavlink.harness import BROKER, LOCAL, SYSTEM, MavlinkHarness
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.msg.control_mode import OffboardSetpoint
 from uav_firmware.msg.setpoints import (
@@ -207,16 +207,17 @@ def test_set_points_for_another_vehicle_are_ignored() -> None:
     assert setpoint_and_texts(local(target_system=0)) == (None, [])
 
 
-def test_a_second_sender_is_accepted_after_a_timeout() -> None:
+@pytest.mark.parametrize("second_system", [254, 255], ids=["other ids", "same ids"])
+def test_a_second_sender_is_accepted_after_a_timeout(second_system: int) -> None:
     harness = MavlinkHarness()
     harness.send(local(x=1.0), system=255)
-    harness.send(local(x=2.0), system=254)
+    harness.send(local(x=2.0), system=second_system, source=BROKER)
     harness.run()
     first = harness.topics.offboard_setpoint.value
     assert isinstance(first, TrajectorySetpoint)
     assert first.position_ned[0] == 1.0
     harness.run(1_100_000)
-    harness.send(local(x=2.0), system=254)
+    harness.send(local(x=2.0), system=second_system, source=BROKER)
     harness.run()
     second = harness.topics.offboard_setpoint.value
     assert isinstance(second, TrajectorySetpoint)

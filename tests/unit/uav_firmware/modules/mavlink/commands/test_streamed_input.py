@@ -7,7 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, MavlinkHarness
+from tests.unit.uav_firmware.modules.mavlink.harness import (
+    BROKER,
+    GROUND,
+    SYSTEM,
+    MavlinkHarness,
+)
+from uav_firmware.cal.link import Address
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 
@@ -15,11 +21,19 @@ AXIS = st.integers(-0x8000, 0x7FFF)
 
 
 def send(
-    harness: MavlinkHarness, x: int, y: int, z: int, r: int, target: int = SYSTEM, system: int = 255
+    harness: MavlinkHarness,
+    x: int,
+    y: int,
+    z: int,
+    r: int,
+    target: int = SYSTEM,
+    system: int = 255,
+    source: Address = GROUND,
 ) -> None:
     harness.send(
         mavlink.MAVLink_manual_control_message(target=target, x=x, y=y, z=z, r=r, buttons=0),
         system=system,
+        source=source,
     )
     harness.run()
 
@@ -157,6 +171,21 @@ def test_the_same_sender_of_sticks_goes_on_after_a_pause() -> None:
     assert forward(harness) == -1.0
     harness.run()
     assert texts(harness) == []
+
+
+def test_two_senders_of_sticks_with_the_same_ids_do_not_steer_at_once() -> None:
+    harness = first_falls_silent()
+    send(harness, 500, 0, 500, 0, system=255)
+    for axes in (FULL, CENTRED, FULL):
+        send(harness, *axes, system=255, source=BROKER)
+        assert forward(harness) == 0.5
+    harness.run(1_100_000)
+    send(harness, *FULL, system=255, source=BROKER)
+    assert forward(harness) == 0.5, "its pilot may not know that he begins to steer"
+    send(harness, *CENTRED, system=255, source=BROKER)
+    assert forward(harness) == 0.0
+    send(harness, *FULL, system=255, source=BROKER)
+    assert forward(harness) == -1.0
 
 
 def report(
