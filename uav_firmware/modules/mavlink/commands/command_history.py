@@ -6,6 +6,9 @@ COMMAND_LONG with a higher confirmation. Or the operator repeats the command. In
 cases the earlier answer is sent again. The third cannot be distinguished from a COMMAND_INT that
 is repeated for lack of an answer; it is executed, because ignoring an order is worse.
 
+A repetition that comes behind another command of that number is no repetition of what was answered:
+pause, continue and pause again within seconds, where the first datagram of the last was lost.
+
 A simple sender may not count its frames: it sends two different commands with the same sequence
 number. From then on identical frames of that sender are separate commands.
 """
@@ -27,6 +30,7 @@ FRAME_LIFETIME_US: Final = 2_000_000
 _MAX_ANSWERS: Final = 32
 _MAX_FRAMES: Final = 64
 _MAX_SENDERS: Final = 32
+_SEQUENCES: Final = 256
 _BEYOND_FLOAT32: Final = 1e300
 
 
@@ -35,6 +39,26 @@ class _Answered(NamedTuple):
 
     result: int  # MAV_RESULT
     time_us: int
+
+
+class _Newest(NamedTuple):
+    """Newest command of one number from one identity."""
+
+    command: Command
+    sequence: int
+    sender: Sender
+    time_us: int
+
+    def is_replaced_by(
+        self, command: Command, message: Message, sender: Sender, now_us: int
+    ) -> bool:
+        """Whether a declared repetition is of another command, and was sent behind this one."""
+        if self.command == command:
+            return False
+        if self.sender != sender or now_us - self.time_us > FRAME_LIFETIME_US:
+            return True  # Two stations have the same ids where neither has been given its own
+        sequence: int = message.get_seq()
+        return (sequence - self.sequence) % _SEQUENCES < _SEQUENCES // 2
 
 
 class _Count(NamedTuple):
@@ -67,8 +91,11 @@ class CommandHistory:
         self._answers: OrderedDict[tuple[tuple[int, int], Command], _Answered] = OrderedDict()
         self._frames: OrderedDict[bytes, int] = OrderedDict()
         self._counts: OrderedDict[tuple[int, int], _Count] = OrderedDict()
+        self._newest: OrderedDict[tuple[tuple[int, int], int], _Newest] = OrderedDict()
 
-    def is_repetition(self, message: Message, sender: Sender, now_us: int) -> bool:
+    def is_repetition(
+        self, command: Command, message: Message, sender: Sender, now_us: int
+    ) -> bool:
         """Whether a command is a declared repetition or a duplicated datagram."""
         frame = bytes(message.get_msgbuf())
         counts = self._counting(message.get_seq(), frame, sender)
@@ -77,7 +104,16 @@ class CommandHistory:
             return True
         self._frames[frame] = now_us
         _keep_newest(self._frames, frame, _MAX_FRAMES)
-        return bool(message.get_type() == "COMMAND_LONG" and message.confirmation > 0)
+        declared = message.get_type() == "COMMAND_LONG" and message.confirmation > 0
+        key, same = (sender.identity, command.number), comparable(command)
+        newest = self._newest.get(key)
+        if declared and (
+            newest is None or not newest.is_replaced_by(same, message, sender, now_us)
+        ):
+            return True
+        self._newest[key] = _Newest(same, message.get_seq(), sender, now_us)
+        _keep_newest(self._newest, key, _MAX_ANSWERS)
+        return False
 
     def _counting(self, sequence: int, frame: bytes, sender: Sender) -> bool:
         """Store a frame; return whether its sender counts its frames."""

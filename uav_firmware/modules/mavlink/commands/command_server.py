@@ -166,7 +166,7 @@ class CommandServer:
         command = from_long(message) if is_long else from_int(message)
         if command is None:
             return [_acknowledge(message.command, BAD_FRAME, sender)]
-        repeated = self._history.is_repetition(message, sender, now_us)
+        repeated = self._history.is_repetition(command, message, sender, now_us)
         return self._handle(command, sender, now_us, repeated=repeated)
 
     def cancel(self, message: Message, _sender: Sender, _now_us: int) -> list[Outgoing]:

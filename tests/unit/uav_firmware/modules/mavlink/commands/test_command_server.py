@@ -15,6 +15,7 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     mission_item,
 )
 from uav_firmware.bus import Queue
+from uav_firmware.cal.link import Address
 from uav_firmware.modules.mavlink.commands.command_server import CommandServer
 from uav_firmware.modules.mavlink.commands.commands import FORWARDED
 from uav_firmware.modules.mavlink.wire.addressing import Sender
@@ -167,6 +168,37 @@ def test_a_repetition_after_a_lost_answer_is_not_executed() -> None:
     harness.send(command_long(ARM, 1.0))
     harness.run()
     assert len(harness.commands()) == 1
+
+
+def executed(harness: MavlinkHarness, message: Any, **options: Any) -> list[float]:
+    """First parameters of the commands that a message has the commander execute."""
+    harness.send(message, **options)
+    harness.run()
+    commands = harness.commands()
+    for command in commands:
+        harness.answer(command, ACCEPTED)
+    harness.run()
+    return [command.param1 for command in commands]
+
+
+@pytest.mark.parametrize("between", [GROUND, BROKER], ids=["same station", "same ids"])
+def test_a_repetition_behind_another_command_is_executed(between: Address) -> None:
+    """Pause, continue, and pause again, of which the first datagram is lost."""
+    harness = MavlinkHarness()
+    pause, resume = command_long(193, 0.0), command_long(193, 1.0)
+    assert executed(harness, pause) == [0.0]
+    assert executed(harness, resume, source=between) == [1.0]
+    again = command_long(193, 0.0, confirmation=1)
+    assert executed(harness, again) == [0.0]
+    assert executed(harness, command_long(193, 0.0, confirmation=2)) == []
+    assert len(harness.received("COMMAND_ACK")) == 4
+
+
+def test_a_repetition_that_the_network_has_delayed_is_not_executed() -> None:
+    harness = MavlinkHarness()
+    assert executed(harness, command_long(193, 0.0), sequence=10) == [0.0]
+    assert executed(harness, command_long(193, 1.0), sequence=12) == [1.0]
+    assert executed(harness, command_long(193, 0.0, confirmation=1), sequence=11) == []
 
 
 def twice(harness: MavlinkHarness, message: Any, between: Any = None) -> None:
