@@ -1,12 +1,13 @@
 """Server of the mission protocol: upload, download and removal of the three plans.
 
-Sans-IO. A download is stateless: several peers may request any item in any order, any number of
-times, also during an upload.
+Sans-IO. Several peers may request any item in any order, any number of times, also during an
+upload. Once another plan is in force, a download of the former one is refused.
 """
 
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from uav_firmware.modules.mavlink.missions.downloads import Downloads
 from uav_firmware.modules.mavlink.missions.mission_items import to_message
 from uav_firmware.modules.mavlink.missions.mission_store import ACCEPTED, Outcome, PlanStore
 from uav_firmware.modules.mavlink.missions.mission_upload import (
@@ -24,6 +25,7 @@ from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 _MISSION: Final[int] = mavlink.MAV_MISSION_TYPE_MISSION
 _ALL_TYPES: Final[int] = mavlink.MAV_MISSION_TYPE_ALL
 _INVALID: Final[int] = mavlink.MAV_MISSION_INVALID
+_CANCELLED: Final[int] = mavlink.MAV_MISSION_OPERATION_CANCELLED
 _DENIED: Final[int] = mavlink.MAV_MISSION_DENIED
 _UNSUPPORTED: Final[int] = mavlink.MAV_MISSION_UNSUPPORTED
 _NAMES: Final = ("Mission", "Geofence", "Rally points")
@@ -54,6 +56,7 @@ class MissionServer:
         self._current_seq = current_seq
         self._texts = texts
         self._uploads = {kind: UploadReceiver(kind, store) for kind, store in stores.items()}
+        self._downloads = Downloads()
         self._cleared: tuple[bytes, int] = (b"", 0)  # Frame and time of the last CLEAR_ALL
         self._handlers: Mapping[str, Callable[[Message, Sender, int], list[Outgoing]]] = {
             "MISSION_COUNT": self._count,
@@ -111,6 +114,7 @@ class MissionServer:
         upload = self._uploads.get(message.mission_type)
         if upload is None:
             return self._refuse_type(message, sender)
+        self._downloads.end(sender.address, message.mission_type)
         return self._with_status_text(message.mission_type, upload.begin(message, sender, now_us))
 
     def _item(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
@@ -119,10 +123,11 @@ class MissionServer:
             return self._refuse_type(message, sender)
         return self._with_status_text(message.mission_type, upload.item(message, sender, now_us))
 
-    def _request_list(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
+    def _request_list(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         store = self._stores.get(message.mission_type)
         if store is None:
             return self._refuse_type(message, sender)
+        self._downloads.begin(sender.address, message.mission_type, store.plan_id, now_us)
         answer = MissionCount(
             target_system=sender.system,
             target_component=sender.component,
@@ -132,10 +137,16 @@ class MissionServer:
         )
         return [Outgoing(answer, sender.address)]
 
-    def _request(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
+    def _request(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         store = self._stores.get(message.mission_type)
         if store is None:
             return self._refuse_type(message, sender)
+        download = (sender.address, message.mission_type)
+        if self._downloads.is_of_another_plan(*download, store.plan_id, now_us):
+            if not self._downloads.is_first_refusal(*download):
+                return [acknowledge(sender, _CANCELLED, message.mission_type)]
+            reason = "another plan has been stored since, download it again"
+            return self._refuse(message, sender, _CANCELLED, reason)
         if message.seq >= len(store.items):
             reason = f"item {message.seq} of {len(store.items)}, which begin at 0"
             return self._refuse(message, sender, mavlink.MAV_MISSION_INVALID_SEQUENCE, reason)
@@ -183,6 +194,7 @@ class MissionServer:
 
     def _ack(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
         """Handle an ACK: it ends a download, or cancels the sender's upload."""
+        self._downloads.end(sender.address, message.mission_type)
         upload = self._uploads.get(message.mission_type)
         if upload is not None and message.type != ACCEPTED:
             upload.cancel(sender)
