@@ -312,6 +312,8 @@ def _hold_and_radius(
     }
     if item.command in timed and item.param1 < 0.0:
         return _reject(item, 1, "is negative")
+    if item.command == MissionCommand.NAV_LAND and item.param1 > HIGHEST_M:
+        return _reject(item, 1, f"is {item.param1:g} m, above {HIGHEST_M:g}")
     if item.command == MissionCommand.NAV_DELAY and not item.param1 >= 0.0:
         return _reject(item, 1, "must be a delay in seconds; a time of day is not supported")
     if item.command == MissionCommand.NAV_WAYPOINT and item.param2 < 0.0:

@@ -85,6 +85,7 @@ BAD = [
     (takeoff(height=NAN), MissionResult.INVALID_PARAM7),
     (item(0, 20, param1=1.0), MissionResult.INVALID_PARAM1),
     (item(0, 21, param2=2.0, **LAND), MissionResult.INVALID_PARAM2),
+    (item(0, 21, param1=1e38, **LAND), MissionResult.INVALID_PARAM1),
     (item(0, 93, param1=1.0, x=42.0), MissionResult.INVALID_PARAM5_X),
     (item(0, 93, param1=-1.0, param2=12.0), MissionResult.INVALID_PARAM2),
     (item(0, 93, param1=-1.0), MissionResult.INVALID_PARAM1),

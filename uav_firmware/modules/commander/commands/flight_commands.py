@@ -3,7 +3,7 @@
 import math
 from typing import Final, NamedTuple
 
-from uav_firmware.lib.mission_rules import LOWEST_TAKEOFF_M
+from uav_firmware.lib.mission_rules import HIGHEST_M, LOWEST_TAKEOFF_M
 from uav_firmware.lib.payload_rules import unset
 from uav_firmware.modules.commander import mode_requirements
 from uav_firmware.modules.commander.commands.command_parameters import (
@@ -154,6 +154,8 @@ def land(command: VehicleCommand, situation: Situation) -> Decision:
     Parameter 1 is the height above it to climb back to when the landing is aborted.
     """
     refuse_negative(command, 1)
+    if command.param1 > HIGHEST_M:
+        raise BadParameterError(f"parameter 1: more than {HIGHEST_M:.0f} m")
     refuse_set(command, 3)
     if not math.isnan(command.param2):
         choice(command, 2, 0.0, 1.0)

@@ -124,6 +124,7 @@ WRONG = [
     (Command.DO_REPOSITION, (-1.0, 1.0, 0.0, NAN, 0.0, 0.0, 660.0)),
     (Command.DO_REPOSITION, (-1.0, 1.0, 0.0, NAN, NAN, NAN, HOME[2] - 101.0)),
     (Command.NAV_LAND, (-1.0,)),
+    (Command.NAV_LAND, (1e38,)),
     (Command.DO_CHANGE_SPEED, (1.0, 0.0)),
     (Command.DO_CHANGE_SPEED, (1.0, NAN)),
     (Command.DO_CHANGE_SPEED, (9.0, 3.0)),
