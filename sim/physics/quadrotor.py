@@ -9,7 +9,7 @@ leave to be wished is put right here by properties at run time:
 * There is no contact point but the three feet; they bear any blow, and their springs, which
   act along the body's axis, catapult a vehicle that has tipped over. So a vehicle that comes
   to the ground at more than 6 m/s or 60 degrees of tilt, or with its body, lies there for good
-  (`Quadrotor.wrecked`).
+  (`Quadrotor.wrecked`). Its accelerometers feel the blow that stops it.
 
 JSBSim turns the attitude by the rate at the start of each step (explicit Euler), so that the
 gyros' readings do not add up to it. Its second-order integrator (Buss, "Accurate and efficient
@@ -46,6 +46,7 @@ _FAR_UP_FT: Final = 10.0  # Above the level of the ground: no foot reaches it
 _HARDEST_LANDING_M_S: Final = 6.0  # More breaks a light airframe
 _TIPPED_OVER_COSINE: Final = 0.5  # 60 degrees, past the tipping point
 _WRECK_HEIGHT_M: Final = 0.06  # Lower than a landing that the feet bear
+_BLOW_S: Final = 0.02  # In which a wreck loses its velocity: 6 m/s over 6 cm of arms and feet
 _GRAVITY_M_S2: Final = 9.81  # For a wreck at rest only; flight uses JSBSim's gravity
 _NEWTON_METRES_PER_POUND_FOOT: Final = NEWTONS_PER_POUND * METRES_PER_FOOT
 _ALL_ENGINES: Final = -1.0
@@ -109,6 +110,9 @@ class Quadrotor:
         self._set_wind = _setters(fdm, properties.WIND_NED_FPS)
         self._motors: Motors = (0.0, 0.0, 0.0, 0.0)
         self._wreck: Truth | None = None
+        self._blow_frd: Vector3 = (0.0, 0.0, 0.0)  # [m/s^2] On top of the weight, at the impact
+        self._blow_steps = 0  # Physics steps for which it still lasts
+        self._all_blow_steps = round(_BLOW_S * config.physics_rate_hz)
         (
             self._set_drag_forward,
             self._set_drag_right,
@@ -172,15 +176,17 @@ class Quadrotor:
             AirframeError: if JSBSim ends the simulation.
         """
         if self._wreck is not None:
+            self._blow_steps -= steps
             return
         run, altitude_ft, height_ft = self._run, self._altitude_ft, self._height_above_ground_ft
         far_up_ft = self._far_up_ft
-        for _ in range(steps):
+        for left in reversed(range(steps)):
             if not run():
                 raise AirframeError("JSBSim ended the simulation")
             # JSBSim keeps the altitude; the height above the ground it works out when asked
             if altitude_ft() < far_up_ft and height_ft() < _REACH_FT and self._hits_ground():
                 self._wreck = self._lying_still()
+                self._blow_steps = self._all_blow_steps - left
                 return
 
     def _hits_ground(self) -> bool:
@@ -200,7 +206,12 @@ class Quadrotor:
         """The state now, said to be at `time_us`."""
         if self._wreck is None:
             return self._state.truth(time_us)
-        return self._wreck.lying_still(time_us, self._wreck.specific_force_frd)
+        weight = self._wreck.specific_force_frd
+        if self._blow_steps <= 0:
+            return self._wreck.lying_still(time_us, weight)
+        forward, right, down = self._blow_frd
+        felt = (weight[0] + forward, weight[1] + right, weight[2] + down)
+        return self._wreck.lying_still(time_us, felt)
 
     def motor_power_w(self) -> float:
         """Electrical power [W] that the four motors draw: each its voltage times its current."""
@@ -224,6 +235,9 @@ class Quadrotor:
     def _lying_still(self) -> Truth:
         """The state of a wreck: where and how it hit the ground, at rest, rotors stopped."""
         last = self._state.truth(0)
+        north, east, down = last.velocity_ned
+        stop_ned = (-north / _BLOW_S, -east / _BLOW_S, -down / _BLOW_S)
+        self._blow_frd = body_from_ned(last.q_ned_frd, stop_ned)
         return last.lying_still(0, _weight_on_ground(last.q_ned_frd))
 
 

@@ -173,6 +173,25 @@ def test_a_vehicle_that_falls_from_high_up_stays_where_it_hits(quadrotor: Quadro
     assert quadrotor.motor_power_w() == 0.0
 
 
+def test_the_accelerometer_feels_the_blow_that_stops_a_wreck(quadrotor: Quadrotor) -> None:
+    fly(quadrotor, (0.9, 0.9, 0.9, 0.9), 1.0)
+    quadrotor.command((0.0, 0.0, 0.0, 0.0))
+    falling = truth = quadrotor.truth(0)
+    while not quadrotor.wrecked:
+        falling = truth
+        quadrotor.advance(1)
+        truth = quadrotor.truth(0)
+    weight = body_from_ned(truth.q_ned_frd, (0.0, 0.0, -9.81))
+    stopped = [0.0, 0.0, 0.0]
+    for _ in range(20):
+        felt = quadrotor.truth(0).specific_force_frd
+        stopped = [s + (f - w) / 500.0 for s, f, w in zip(stopped, felt, weight, strict=True)]
+        quadrotor.advance(1)
+    velocity = body_from_ned(falling.q_ned_frd, falling.velocity_ned)
+    assert math.hypot(*velocity) > 6.0
+    assert stopped == pytest.approx([-v for v in velocity], abs=0.1)
+
+
 def test_a_vehicle_that_tips_over_stays_where_it_lies(quadrotor: Quadrotor) -> None:
     fly(quadrotor, (0.7, 0.0, 0.7, 0.0), 1.0)
     assert quadrotor.wrecked
