@@ -94,6 +94,20 @@ def test_a_wreck_blames_no_motor_for_what_the_ground_has_done(
     assert named == truly
 
 
+def test_a_wreck_that_lies_upright_stops_its_motors(tmp_path: Path) -> None:
+    """It came down in acro at low throttle: the ground carries it, and its rotors stand."""
+    tester = hovering(tmp_path)
+    pilot = StickPilot(tester)
+    tester.run_for(0.2)
+    change_mode(tester, ACRO)
+    pilot.move(up=-0.5)
+    tester.wait_until(lambda: tester.simulation.wrecked, 10.0, "on the ground")
+    assert tilt_of(tester.truth.q_ned_frd) < math.radians(15.0)
+    tester.wait_until(lambda: is_stopped(tester), LATEST_DISARM_S, "stopped")
+    tester.run_for(1.0)
+    assert tester.has_status_text("Crash: has hit something, rotors stand")
+
+
 def test_on_two_motors_of_one_diagonal_it_comes_down_and_stops(tmp_path: Path) -> None:
     tester = hovering(tmp_path)
     strike(tester, MOTOR, motor=1)

@@ -204,9 +204,12 @@ class FailureDetectorModule:
 
     @property
     def _is_carried(self) -> bool:
-        """Whether the vehicle flies, with the lift of all its rotors and without a rotation."""
+        """Whether the vehicle flies, with the lift of all its rotors and without a rotation.
+
+        Behind a blow it may be the ground that carries it.
+        """
         attitude, landed = self._attitude.value, self._landed.value
-        if attitude is None or landed is None or landed.landed:
+        if self._struck or attitude is None or landed is None or landed.landed:
             return False
         turns = max(map(abs, attitude.rate_frd)) > _TURNING_RAD_S
         return self._lift_m_s2 > _LIFT_M_S2 and not turns

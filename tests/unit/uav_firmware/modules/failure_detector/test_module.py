@@ -12,7 +12,7 @@ from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.estimate import VehicleAttitude
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.sensors import SensorEsc, SensorImu, SensorsStatus
-from uav_firmware.msg.status import StatusText, VehicleStatus
+from uav_firmware.msg.status import LandDetected, LandedState, StatusText, VehicleStatus
 from uav_firmware.parameters import Registry
 
 HOVER_RPM = 5000.0
@@ -31,6 +31,7 @@ class Vehicle:
         self.vehicle_status: Topic[VehicleStatus] = Topic()
         self.sensors: Topic[SensorsStatus] = Topic()
         self.status: Topic[FailureDetectorStatus] = Topic()
+        self.land: Topic[LandDetected] = Topic()
         self.texts: Queue[StatusText] = Queue()
         self.module = FailureDetectorModule(
             self.registry,
@@ -42,7 +43,7 @@ class Vehicle:
             attitude_setpoint=Topic(),
             torque_thrust=Topic(),
             hover_thrust_estimate=Topic(),
-            land_detected=Topic(),
+            land_detected=self.land,
             vehicle_control_mode=Topic(),
             vehicle_status=self.vehicle_status,
             sensors_status=self.sensors,
@@ -120,6 +121,26 @@ def test_rotors_that_stop_at_a_blow_are_a_crash_and_no_failed_motors(enabled: in
     assert vehicle.failed == (0 if enabled else 0b110)
     texts = [text.text for text in vehicle.texts.drain()]
     assert texts == ([] if enabled else ["Motor 2 failed", "Motor 3 failed"])
+
+
+def test_behind_a_blow_it_may_be_the_ground_that_carries_the_vehicle() -> None:
+    vehicle = Vehicle()
+    vehicle.land.publish(LandDetected(0, False, False, LandedState.IN_AIR, False))
+    vehicle.fly(2.0, rate=7.0)
+    vehicle.fly(0.1, second_rpm=0.0, third_rpm=0.0)
+    assert vehicle.status.value is not None
+    assert vehicle.status.value.crash == "has hit something, rotors stand"
+
+
+def test_telemetry_that_contradicts_the_flight_is_no_crash_at_a_blow() -> None:
+    vehicle = Vehicle()
+    vehicle.land.publish(LandDetected(0, False, False, LandedState.IN_AIR, False))
+    vehicle.fly(2.0)
+    vehicle.fly(2.0, second_rpm=0.0, third_rpm=0.0)
+    vehicle.fly(0.1, second_rpm=0.0, third_rpm=0.0, rate=7.0)
+    vehicle.fly(2.0, second_rpm=0.0, third_rpm=0.0)
+    assert vehicle.status.value is not None
+    assert (vehicle.status.value.crash, vehicle.failed) == ("", 0)
 
 
 def test_a_standing_motor_of_a_disarmed_vehicle_has_not_failed() -> None:
