@@ -17,6 +17,8 @@ from tests.unit.edge_server.archive.flown import begin, send
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import JPEG
 
+POLL_S = 0.1
+"""Another process makes a map; each look at it is a request, which costs this one time."""
 XMP = (
     '<x:xmpmeta xmlns:x="adobe:ns:meta/" drone-dji:GpsLatitude="40.4436" '
     'drone-dji:GpsLongitude="{longitude}" drone-dji:RelativeAltitude="+40.0" '
@@ -50,7 +52,8 @@ def survey(edge: Edge) -> Edge:
 def made(edge: Edge, query: str = "") -> Any:
     answer = edge.ask("POST", f"/flights/1/map{query}", "operator")
     assert answer.status_code == 202, answer.json
-    wait_until(lambda: edge.get(f"/flights/1/map{query}")["state"] != "making")
+    about = f"/flights/1/map{query}"
+    wait_until(lambda: edge.get(about)["state"] != "making", period_s=POLL_S)
     return edge.get(f"/flights/1/map{query}")
 
 
