@@ -168,6 +168,7 @@ def test_a_flight_goes_on_though_the_edge_servers_clock_is_set(edge: Edge, step_
     assert {one["recorded_at"][-3:] for one in edge.get("/alarms/history/")} == {"01Z", "02Z"}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("ahead_s", [70, 300, 500])
 def test_a_brokers_clock_that_is_ahead_all_the_time_is_replaced_all_the_time(
     edge: Edge, ahead_s: int

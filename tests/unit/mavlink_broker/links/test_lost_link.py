@@ -196,6 +196,7 @@ class TestALinkOfOneDirection:
         world.run(60.0)
         assert warning(world) is None
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("loss", [0.1, 0.3])
     def test_is_not_taken_from_one_that_loses_frames(
         self, loss: float, caplog: pytest.LogCaptureFixture
@@ -227,6 +228,7 @@ def warning(world: World) -> str | None:
     return text
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("away_s", [8.0, 14.0])
 def test_a_vehicle_that_has_disarmed_before_its_take_off_has_flown_nothing(away_s: float) -> None:
     """ArduPilot, disarmed in its mission mode, shows the same as behind a landing at home."""

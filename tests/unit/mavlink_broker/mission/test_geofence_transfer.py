@@ -109,6 +109,7 @@ class TestPlacing:
         assert vehicle.log.count("stored 0") == 2
         assert vehicle.log.count("stored 1") == 1
 
+    @pytest.mark.first_case
     @PX4_AND_ARDUPILOT
     @pytest.mark.parametrize("away_s", [3.0, 15.0, 40.0])
     def test_one_that_receives_nothing_at_first_gets_it_before_it_flies(

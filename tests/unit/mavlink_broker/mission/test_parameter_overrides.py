@@ -60,6 +60,7 @@ def test_a_follow_command_sets_height_distance_and_angle_and_restores_them(scrip
     assert world.edge.statuses(1201) == FINISHED
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("script", [PX4, OWN], ids=["px4", "own"])
 @pytest.mark.parametrize(("planned", "lent"), [(1.0, 1.0), (8.0, 5.0)])
 def test_a_follower_is_no_faster_than_the_mission(
@@ -77,6 +78,7 @@ def test_a_follower_is_no_faster_than_the_mission(
     assert vehicle.settings == dict(script.settings)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("script", [PX4, OWN], ids=["px4", "own"])
 def test_a_new_speed_is_that_of_a_follower_at_once(script: Script) -> None:
     world, vehicle = setting_out(takeoff(), follow(), go_home(3), script=script)

@@ -138,6 +138,7 @@ def test_a_set_that_was_sent_is_not_sent_again_by_a_restarted_broker() -> None:
     assert len(keys(world)) == len(set(keys(world))) == 2 * 3
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("step_s", [-3600.0, -2.0, 3600.0])
 def test_the_time_of_results_does_not_go_back_in_flight(
     step_s: float, monkeypatch: pytest.MonkeyPatch

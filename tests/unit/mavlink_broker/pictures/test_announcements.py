@@ -126,7 +126,7 @@ class Flight:
 
     def message(self) -> str | None:
         """The message of the command that takes pictures, behind the flight."""
-        self.vehicle.script = dataclasses.replace(SLOW, item_time_s=60.0)
+        self.vehicle.script = dataclasses.replace(SLOW, item_time_s=40.0)
         self.world.run_until_over(MISSION)
         report = self.world.edge.reports(MISSION)[-1]["command_report_array"][2]
         text: str | None = report.get("message")
@@ -142,6 +142,7 @@ def test_pictures_are_counted_with_their_places_and_have_no_file(*, has_pin: boo
     assert flight.message() == f"2 of 2 pictures were taken at {PLACE}, {PLACE}, and have no file"
 
 
+@pytest.mark.first_case
 @PIN
 def test_a_lost_message_shows_in_the_next_one(*, has_pin: bool) -> None:
     flight = Flight(count=3, has_pin=has_pin)

@@ -84,6 +84,7 @@ def test_pictures_that_are_taken_unseen_before_a_restart_in_flight_go_to_their_c
     ]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("within_s", [30.0, 200.0])
 def test_pictures_wait_for_the_mission_that_the_edge_server_sends_again(
     within_s: float, tmp_path: Path

@@ -259,6 +259,7 @@ def biased_velocity(north_m_s: float, east_m_s: float) -> Change:
     return change
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("lie", [late_by(3), biased_velocity(1.5, -1.0)], ids=["late", "biased"])
 def test_a_receiver_that_lies_does_not_tilt_several_gyroscopes_that_agree(lie: Change) -> None:
     rig = Rig()

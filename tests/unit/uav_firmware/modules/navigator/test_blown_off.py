@@ -104,6 +104,7 @@ def test_a_slow_way_to_the_place_is_flown_to_its_end() -> None:
     assert UNREACHED not in vehicle.texts
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("height", "highest"), [(5.0, 10.0), (10.0, 10.0), (14.0, 14.0)])
 def test_a_return_by_too_strong_a_wind_climbs_no_higher_than_it_must(
     height: float, highest: float

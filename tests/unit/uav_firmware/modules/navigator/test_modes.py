@@ -134,6 +134,7 @@ def test_a_vehicle_that_spins_on_three_rotors_touches_down_at_half_the_speed() -
     assert touch_down_speed(broken) == pytest.approx(0.5 * touch_down_speed(whole), rel=0.02)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("lost_at_m", [0.6, 2.0, 4.0])
 def test_a_vehicle_that_has_just_lost_a_motor_waits_above_the_ground_until_it_cones_no_more(
     lost_at_m: float,
@@ -172,6 +173,7 @@ def test_a_landing_long_after_a_motor_was_lost_does_not_wait() -> None:
     vehicle.run_until(lambda v: v.height < 0.1, 15.0)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("too_high_m", [-30.0, -3.0, 0.0])
 def test_a_landing_is_slow_near_the_ground_that_is_measured(too_high_m: float) -> None:
     """Wherever the place that was ordered puts the ground."""
@@ -204,6 +206,7 @@ def test_a_landing_goes_by_home_where_no_ground_is_measured_any_more() -> None:
     assert touch_down_speed(vehicle) < 0.5
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("descent_speed", [1.5, 4.0])
 @pytest.mark.parametrize("stuck_m", [32.3, 31.0, 30.5])
 def test_a_range_finder_that_gets_stuck_makes_no_slow_landing_fast(

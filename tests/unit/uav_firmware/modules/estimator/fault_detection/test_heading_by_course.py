@@ -111,6 +111,7 @@ def turned(readings: Readings, angle: float) -> Readings:
     return readings._replace(mag=readings.mag._replace(field_frd=field))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("angle_deg", [75.0, 180.0])
 def test_a_compass_that_is_wrong_from_the_start_costs_no_position(angle_deg: float) -> None:
     rig, angle = Rig(), math.radians(angle_deg)
