@@ -1,7 +1,7 @@
 """Plane geometry of fields and fences, good to centimetres over a farm.
 
 Points are (latitude_deg, longitude_deg). Each ring is laid on the plane that touches the globe at
-one of its corners.
+its first corner, or at the point that it is asked about.
 """
 
 from collections.abc import Sequence

@@ -18,7 +18,7 @@ Ring: TypeAlias = Sequence[Point]
 Interval: TypeAlias = tuple[float, float]
 
 SMALLEST_M2: Final = 1.0
-"""A shorter line is left out."""
+"""A smaller area is refused."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,7 +78,7 @@ def sticks(client: Client, x: float, y: float, z: float, r: float) -> Iterator[N
         thread.join()
 
 
-def test_offboard_without_a_set_point_is_refused(client: Client) -> None:
+def test_offboard_without_a_setpoint_is_refused(client: Client) -> None:
     with pytest.raises(OffboardError):
         client.offboard.start()
 

@@ -58,7 +58,7 @@ def air_density(pressure_pa: float, temperature_c: float) -> float:
 
 
 def density_at(altitude_amsl_m: float) -> float:
-    """Density [kg/m^3] at an altitude that no thermometer measures: standard pressure, air of 15 C.
+    """Density [kg/m^3] at an altitude of unknown temperature: standard pressure, air of 15 C.
 
     Raises:
         ValueError: as `pressure_from_altitude`.

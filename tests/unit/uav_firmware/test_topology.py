@@ -51,7 +51,7 @@ def test_a_command_is_waited_for_until_it_has_been_answered(tester: AutopilotTes
     assert common.MAV_CMD_DO_SET_HOME in [command for command, _ in station.acks]
 
 
-def test_a_vehicle_led_by_sticks_or_set_points_looks_up_more_often(tester: AutopilotTester) -> None:
+def test_a_vehicle_led_by_sticks_or_setpoints_looks_up_more_often(tester: AutopilotTester) -> None:
     autopilot = tester.autopilot
     watched_us = autopilot.batch_us()
     for source in (ControlSource.MANUAL, ControlSource.OFFBOARD):

@@ -103,7 +103,7 @@ def test_a_fence_lies_in_the_frame_or_is_said_to_be_larger(half_m: float, label:
     assert bool(whole) is (label == "fence")
 
 
-def test_the_largest_distance_from_the_set_point_is_in_the_frame() -> None:
+def test_the_largest_distance_from_the_setpoint_is_in_the_frame() -> None:
     flown = examine(
         1, synthetic.planned(), synthetic.log(setpoint_error=(0.0, 0.4, -0.2)), synthetic.truth()
     )

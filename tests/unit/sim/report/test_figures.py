@@ -53,7 +53,7 @@ def test_a_leaning_estimate_is_a_tilt_error() -> None:
     assert np.degrees(errors.tilt.values).mean() == pytest.approx(2.0)
 
 
-def test_tracking_is_truth_minus_set_point_about_the_estimators_origin() -> None:
+def test_tracking_is_truth_minus_setpoint_about_the_estimators_origin() -> None:
     tracking = flight(setpoint_error=(0.0, 0.4, -0.2)).tracking
     assert tracking.values.mean(axis=0) == pytest.approx([0.0, -0.4, 0.2], abs=1e-3)
 

@@ -87,7 +87,7 @@ class _Client:
     """Pending requests of one client."""
 
     sender: Sender
-    logs: list[Log] = field(default_factory=list)  # By number, as this client was told
+    logs: list[Log] = field(default_factory=list)  # By number, as last listed for this client
     list_from: int | None = None  # First log of a requested list
     list_to: int = 0
     entries: deque[int] = field(default_factory=deque)  # Numbers still to send

@@ -31,7 +31,7 @@ class Downloads:
         self._downloads: OrderedDict[tuple[Address, int], _Download] = OrderedDict()
 
     def begin(self, address: Address, mission_type: int, plan_id: int, now_us: int) -> None:
-        """Note the plan whose items a peer was told the number of."""
+        """Note the plan whose number of items has been sent to a peer."""
         key = (address, mission_type)
         self._downloads[key] = _Download(plan_id, now_us)
         self._downloads.move_to_end(key)
@@ -55,8 +55,8 @@ class Downloads:
         download.asked_us = now_us
         return download.plan_id != plan_id
 
-    def is_first_refusal(self, address: Address, mission_type: int) -> bool:
-        """Whether nothing of a download has been refused yet; the next call returns False."""
+    def note_refusal(self, address: Address, mission_type: int) -> bool:
+        """Note that a request was refused; whether it is the first one of its download."""
         download = self._downloads[address, mission_type]
-        first, download.refused = not download.refused, True
-        return first
+        is_first, download.refused = not download.refused, True
+        return is_first

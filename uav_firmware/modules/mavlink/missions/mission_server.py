@@ -143,7 +143,7 @@ class MissionServer:
             return self._refuse_type(message, sender)
         download = (sender.address, message.mission_type)
         if self._downloads.is_of_another_plan(*download, store.plan_id, now_us):
-            if not self._downloads.is_first_refusal(*download):
+            if not self._downloads.note_refusal(*download):
                 return [acknowledge(sender, _CANCELLED, message.mission_type)]
             reason = "another plan has been stored since, download it again"
             return self._refuse(message, sender, _CANCELLED, reason)

@@ -165,9 +165,9 @@ class Land:
         params = flight.params
         self.phase = LandPhase.DESCENT
         self._is_blind = flight.range_finder_blind
-        set_point_height = self._ground_down - flight.path.state.position[2]
+        setpoint_height = self._ground_down - flight.path.state.position[2]
         slow = params.land_slow_height + (_UNSEEN_GROUND_M if self._is_blind else 0.0)
-        fast = max(0.0, set_point_height - slow)
+        fast = max(0.0, setpoint_height - slow)
         flight.path.descend(fast, params.land_speed, flight.limits())
 
     def _finds_other_ground(self, flight: Flight) -> bool:

@@ -304,7 +304,7 @@ def test_a_vehicle_blown_past_a_waypoint_comes_back_to_it() -> None:
     assert nearest(vehicle, (40.0, 0.0, -5.0)) < 1.0
 
 
-def test_the_set_point_is_continuous_and_within_its_limits() -> None:
+def test_the_setpoint_is_continuous_and_within_its_limits() -> None:
     vehicle = start(ready(), *square())
     vehicle.run_until(lambda v: v.position[0] > 10.0)
     vehicle.send(Command.DO_PAUSE_CONTINUE, 0.0)

@@ -43,7 +43,7 @@ def advance(path: PathFollower, steps: int) -> None:
 @pytest.mark.thorough
 @settings(deadline=None, max_examples=60)
 @given(orders)
-def test_orders_at_any_moment_never_make_the_set_point_jump(
+def test_orders_at_any_moment_never_make_the_setpoint_jump(
     given_orders: list[tuple[str, list[tuple[Vector3, float]], int]],
 ) -> None:
     path = PathFollower()

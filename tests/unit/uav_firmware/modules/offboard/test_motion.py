@@ -80,5 +80,5 @@ def test_horizontal_and_vertical_are_independent() -> None:
         (setpoint(acceleration=(0.0, 0.0, -1.0)), True), (setpoint((5.0, 5.0, 3.0)), False),
     ],
 )  # fmt: skip
-def test_set_points_that_mean_take_off(target: TrajectorySetpoint, *, rises: bool) -> None:
+def test_setpoints_that_mean_take_off(target: TrajectorySetpoint, *, rises: bool) -> None:
     assert wants_to_rise(target, (0.0, 0.0, 0.0)) is rises

@@ -124,7 +124,7 @@ def test_without_position_it_does_not_lean() -> None:
     assert blind.thrust > 0.1
 
 
-def test_an_old_set_point_moves_with_an_estimate_that_is_reset() -> None:
+def test_an_old_setpoint_moves_with_an_estimate_that_is_reset() -> None:
     step = EstimateResets(
         xy_count=1, z_count=1, position_total_ned=(20.0, -5.0, 3.0), velocity_xy_count=1,
         velocity_total_ned=(2.0, 0.0, 0.0),

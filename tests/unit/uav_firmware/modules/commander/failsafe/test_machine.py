@@ -311,7 +311,7 @@ def test_a_mission_goes_on_without_sticks_if_it_may(excepted: int, mode: Navigat
         (0, False, HOLD), (2, False, HOLD), (3, False, RETURN), (4, False, LAND), (5, True, HOLD),
     ],
 )  # fmt: skip
-def test_lost_set_points_take_the_action_of_the_parameter(
+def test_lost_setpoints_take_the_action_of_the_parameter(
     setting: int, *, with_sticks: bool, mode: NavigationState
 ) -> None:
     vehicle = on_mission(COM_OBL_RC_ACT=setting)

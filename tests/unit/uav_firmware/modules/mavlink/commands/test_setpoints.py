@@ -172,11 +172,11 @@ def check_refused(message: Any, reason: str) -> None:
     assert "ignored" in "".join(received)
 
 
-def test_invalid_set_points_are_ignored_with_a_status_text() -> None:
+def test_invalid_setpoints_are_ignored_with_a_status_text() -> None:
     assert failures(check_refused, REFUSED) == []
 
 
-def test_a_refusal_is_reported_once_until_a_set_point_is_accepted() -> None:
+def test_a_refusal_is_reported_once_until_a_setpoint_is_accepted() -> None:
     harness = MavlinkHarness()
     reported = []
     for message in (local(0), local(0), local(0), local(), local(0)):
@@ -202,7 +202,7 @@ def test_infinite_numbers_are_refused(mask: int, frame: int, numbers: list[float
         assert not any(map(math.isinf, (*flat, setpoint.yaw, setpoint.yaw_rate)))
 
 
-def test_set_points_for_another_vehicle_are_ignored() -> None:
+def test_setpoints_for_another_vehicle_are_ignored() -> None:
     assert setpoint_and_texts(local(target_system=SYSTEM + 1)) == (None, [])
     assert setpoint_and_texts(local(target_system=0)) == (None, [])
 

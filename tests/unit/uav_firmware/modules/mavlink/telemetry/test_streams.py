@@ -279,7 +279,7 @@ def test_an_invalid_position_is_not_sent() -> None:
     assert build("GPS_GLOBAL_ORIGIN", topics) is None
 
 
-def test_unset_values_of_the_set_point_are_masked() -> None:
+def test_unset_values_of_the_setpoint_are_masked() -> None:
     message = build("POSITION_TARGET_LOCAL_NED")
     assert message.type_mask == 0b1000_0001_1111_1000 & 0xFFF | 0b1000_0000_0000
     assert (message.x, message.y, message.z, message.vx) == (3.0, 8.0, -10.0, 0.0)

@@ -216,7 +216,7 @@ def test_system_zero_ends_following_with_a_hold() -> None:
 
 
 @pytest.mark.thorough
-def test_the_set_point_never_jumps_while_following() -> None:
+def test_the_setpoint_never_jumps_while_following() -> None:
     vehicle = airborne()
     begin = len(vehicle.setpoints)
     follow(vehicle)

@@ -195,7 +195,7 @@ def test_a_pause_ends_the_orbit_and_its_report() -> None:
     assert not status.active
 
 
-def test_the_set_point_never_jumps_in_an_orbit() -> None:
+def test_the_setpoint_never_jumps_in_an_orbit() -> None:
     vehicle = airborne()
     begin = len(vehicle.setpoints)
     assert order(vehicle, angle=4.0, centre=(12.0, 12.0)) == ACCEPTED
