@@ -3,11 +3,13 @@
 import base64
 import csv
 import io
+import math
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
 
+from tests.support.geodesy import LocalGround
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import JPEG, mission, mission_report, plan, telemetry
 
@@ -67,6 +69,18 @@ def test_a_flown_mission_is_one_flight(edge: Edge) -> None:
         "pictures": 1,
         "alarms": 1,
     }
+
+
+@pytest.mark.parametrize(("north_m", "east_m"), [(200.0, 0.0), (0.0, 200.0), (-120.0, 160.0)])
+def test_the_distance_flown_is_that_over_ground(edge: Edge, north_m: float, east_m: float) -> None:
+    begin(edge)
+    here = (40.4434, -3.7382)
+    for number, place in enumerate((here, LocalGround(*here).place(north_m, east_m))):
+        edge.clock.pass_s(1.0)
+        latitude, longitude = place
+        send(edge, "state_vector", sequence_number=number, latitude=latitude, longitude=longitude)
+    flown_m = edge.get("/flights/1")["distance_m"]
+    assert flown_m == pytest.approx(math.hypot(north_m, east_m), abs=0.11)
 
 
 def test_a_flight_has_its_commands_and_their_results(edge: Edge) -> None:
